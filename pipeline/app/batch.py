@@ -1,6 +1,5 @@
 """Many videos: which need processing, each in a worker process, all results in one folder."""
 
-import os
 import platform
 import sys
 import time
@@ -9,7 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline import __version__
-from pipeline.app.outcome import PARQUETS, Outcome, failure, finished_outcome, kept_outcome
+from pipeline.app.earlier_results import (
+    digests_of,
+    failure,
+    finished_outcome,
+    of_other_videos,
+    without_lost,
+)
+from pipeline.app.outcome import Outcome
 from pipeline.app.session_files import (
     check_folder,
     refuse_foreign_files,
@@ -40,7 +46,7 @@ from pipeline.session.results_folders import results_folders
 from pipeline.session.session_file import settings_digest
 from pipeline.tables.new_files import make_folder
 from pipeline.tables.result_exchange import settle_all
-from pipeline.tables.run_record import STATE_FILE, is_saved, read_run, read_state, recorded_path
+from pipeline.tables.run_record import read_run, read_state
 
 # What a video goes through, and the time that each takes, beside that of following its whiskers
 STAGES = {
@@ -71,7 +77,8 @@ class Summary:
     """What a run did: all outcomes of the results folder, of which `skipped` were there before.
 
     `lost` are videos that have gone from the folders of this run: their results stay, but are not
-    in the session's tables. `said` are videos whose messages were shown as they ended.
+    in the session's tables. `problems` are sentences on the session's own files: settings, tables,
+    figures, report. `said` are videos whose messages were shown as they ended.
     """
 
     out: Path
@@ -80,7 +87,7 @@ class Summary:
     seconds: float
     interrupted: bool = False
     lost: tuple[str, ...] = ()
-    problems: tuple[str, ...] = ()  # of figures and report
+    problems: tuple[str, ...] = ()
     said: frozenset[str] = frozenset()
 
     @property
@@ -150,19 +157,19 @@ def run(
             behind, renewed = follow_corrections(out)
             outcomes |= {task.folder.name: _as_corrected(task, behind) for task in skipped}
             ordered = [outcomes[name] for name in names.values() if name in outcomes]
-            others, lost = _without_lost(_earlier(out, set(names.values())), paths)
+            others, lost = without_lost(of_other_videos(out, set(names.values())), paths)
             seconds = time.monotonic() - started
-            own, problems = "", ()
+            own, replaced = "", ()
             if not is_persons:
-                digests = {task.digest for task in tasks} | _digests(others, out)
-                own, problems = write_session_file(out, list(settings.values()), digests)
-            problems = (*problems, *guesses, *kept, *renewed)
-            said = frozenset(new if progress else ())
+                digests = {task.digest for task in tasks} | digests_of(others, out)
+                own, replaced = write_session_file(out, list(settings.values()), digests)
             summary = Summary(
-                out, (*ordered, *others), len(skipped), seconds, interrupted, lost, problems, said
-            )
-            said = write_tables(summary, jobs, own)
-            summary = replace(summary, problems=(*problems, *said))
+                out, (*ordered, *others), len(skipped), seconds, interrupted, lost,
+                problems=(*replaced, *guesses, *kept, *renewed),
+                said=frozenset(new if progress else ()),
+            )  # fmt: skip
+            edited = write_tables(summary, jobs, own)
+            summary = replace(summary, problems=(*summary.problems, *edited))
             if not interrupted:  # who presses Ctrl-C does not want to wait for them
                 summary = with_pictures(summary, due, shown, log)
         log.write(f"ended: {summary.line()}")
@@ -258,49 +265,3 @@ def _process(tasks, jobs, shown, log) -> tuple[dict, bool]:
         log.write("interrupted")
         return outcomes, True
     return outcomes, False
-
-
-# --- results of other runs -----------------------------------------------------------------
-
-
-def _earlier(out, names) -> list[Outcome]:
-    """Outcomes of results in `out` of videos that are not among this run's inputs."""
-    folders = [path.parent for path in sorted(out.glob(f"*/{STATE_FILE}"))]
-    others = [folder for folder in folders if folder.name not in names and _is_video(folder)]
-    return [kept_outcome(folder) or _damaged(folder) for folder in others]
-
-
-def _digests(outcomes, out) -> set[str]:
-    """Hashes of the settings that results were made with."""
-    found = (read_state(out / each.video).get("settings_sha256", "") for each in outcomes)
-    return set(filter(None, found))
-
-
-def _is_video(folder) -> bool:
-    """What a run left of a video: not a results folder within this one, nor what others wrote."""
-    is_of_video = any((folder / name).exists() for name in PARQUETS)
-    return is_of_video and not (folder / "videos.csv").exists() and not is_saved(folder)
-
-
-def _damaged(folder) -> Outcome:
-    return Outcome(
-        folder.name,
-        recorded_path(folder),
-        "failed",
-        message=f"its results are damaged: run the video again ({folder} holds what is left)",
-    )
-
-
-def _without_lost(outcomes, paths) -> tuple[list[Outcome], tuple[str, ...]]:
-    """Outcomes to keep in the tables, and names of videos that are gone from a searched folder.
-
-    Their results stay where they are: they may be all that is left of the video.
-    """
-    searched = [path.resolve() for path in map(Path, paths) if path.is_dir()]
-    lost = tuple(
-        each.video
-        for each in outcomes
-        if not os.path.exists(each.path)
-        and any(folder in Path(each.path).parents for folder in searched)
-    )
-    return [each for each in outcomes if each.video not in lost], lost

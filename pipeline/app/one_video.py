@@ -52,7 +52,7 @@ def planned_names(inputs, out) -> dict:
 
 def process(video, out, name=None, config=None) -> int:
     """Process one video into its folder in `out`, unless its results are there; exit status."""
-    from pipeline.app.outcome import finished_outcome
+    from pipeline.app.earlier_results import finished_outcome
     from pipeline.app.video_task import Task, process_video, settled_outcome
     from pipeline.runtime.folder_lock import locked
     from pipeline.session.input_settings import session_of

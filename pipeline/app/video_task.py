@@ -5,7 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.app.outcome import Outcome, earlier_results, failure, kept_outcome, save_state
+from pipeline.app.earlier_results import earlier_in_words, failure, kept_outcome
+from pipeline.app.outcome import Outcome, save_state
 from pipeline.curate.corrected import DECIDED_ON, DOUBTS, decided_on
 from pipeline.errors import InputError, in_words, lacks_memory, why, with_advice
 from pipeline.runtime.compiling import compiling_reported, seconds_without_compiling
@@ -213,4 +214,4 @@ def _failed(task, message) -> Outcome:
 
 
 def _earlier_results(task) -> str:
-    return earlier_results(task.folder, task.path, task.digest)
+    return earlier_in_words(task.folder, task.path, task.digest)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.app.outcome import PARQUETS, kept_outcome
+from pipeline.app.earlier_results import PARQUETS, kept_outcome
 from pipeline.contacts.corrections import (
     CORRECTIONS_FILE,
     applicable,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pipeline.app.outcome import PARQUETS
+from pipeline.app.earlier_results import PARQUETS
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import (

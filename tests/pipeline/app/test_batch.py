@@ -24,7 +24,7 @@ from quick_analysis import quick_analyse
 import pipeline.reports.figures
 import pipeline.reports.report
 import pipeline.run
-from pipeline.app import batch, cli, outcome, terminal, video_task
+from pipeline.app import batch, cli, earlier_results, outcome, terminal, video_task
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import MADE_WITH, corrections_digest, save_contacts
 from pipeline.errors import InputError
@@ -579,7 +579,8 @@ def test_changed_settings_version_or_overwrite_process_again(folder, calls, tmp_
     (folder / "session.toml").write_text(text.replace("5.5", "5.6"))
     batch.run([folder], out)
     assert len(calls) == 4
-    monkeypatch.setattr(outcome, "__version__", "99")
+    for module in (earlier_results, outcome):
+        monkeypatch.setattr(module, "__version__", "99")
     batch.run([folder], out)
     assert len(calls) == 6
     batch.run([folder], out, overwrite=True)
