@@ -155,12 +155,17 @@ def no_whiskers(settings, seen) -> str:
         if not bright and ground < DARK:
             return _other_polarity("dark", "darker", "bright")
     seen = seen_instead_of_whiskers(scenes, "bright" if bright else "dark")
-    part = " and ".join(key for key in ("region_px", "mask") if getattr(settings.image, key))
     return (
         f"no whiskers found; what was seen is {seen}; if there are whiskers, check that "
         f'[recording] face = "{settings.recording.face}" is the side that they come from'
-        + (f", and that [image] {part} leaves their bases in the picture" if part else "")
+        f"{_whether_left_in(settings.image)}"
     )
+
+
+def _whether_left_in(image) -> str:
+    """What to check of the part of the picture that the settings select, if they do."""
+    part = " and ".join(key for key in ("region_px", "mask") if getattr(image, key))
+    return f", and that [image] {part} leaves their bases in the picture" if part else ""
 
 
 def _ground(background) -> float:
@@ -178,13 +183,13 @@ def _other_polarity(picture, taken, write) -> str:
 
 def _advice(settings, seen) -> Advice:
     """What to do where the lines were traced here."""
-    hiding = "[image] region_px or mask"
     return Advice(
         no_pole=_no_pole(settings, seen),
-        lost="if they are in the picture, see that their bases are free of fur and inside "
-        f"{hiding}; if not, take their [[whisker]] tables out, or others may get their names",
+        lost="if they are in the picture, check that nothing hides their bases"
+        f"{_whether_left_in(settings.image)}; if they are not, take their [[whisker]] tables out, "
+        "or others may get their names",
         seldom="see in the overlay where they are lost (run again with --overlay): if they are "
-        f"in view there, leave out what they are mistaken for or hidden by, with {hiding}",
+        "in view there, leave out what they are taken for with [image] region_px or mask",
     )
 
 
