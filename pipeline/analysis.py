@@ -11,7 +11,7 @@ from pipeline.scene.pole_runs import pole_runs
 from pipeline.session import Settings, write_session
 from pipeline.tables import CONTACT_COLUMNS, Centrelines, write_csv, write_evidence, write_frames
 from pipeline.tables.centrelines import centreline_file, centreline_table
-from pipeline.tables.new_files import new_files
+from pipeline.tables.own_files import new_files
 from pipeline.tables.run_record import write_saved
 
 

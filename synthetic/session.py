@@ -12,7 +12,7 @@ from pipeline.errors import InputError, with_advice
 from pipeline.runtime.progress import Step
 from pipeline.runtime.workers import run_tasks
 from pipeline.session.session_file import read_session, settings_from, write_session
-from pipeline.tables.new_files import check_own, new_files
+from pipeline.tables.own_files import check_own, new_files
 from pipeline.tables.whole_files import read_json, write_json, write_text
 from synthetic.encode import video_suffix, write_video
 from synthetic.presets import Trial, find_preset, make_trial, trial_place

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.session.session_file import settings_from, write_session
-from pipeline.tables.new_files import new_files
+from pipeline.tables.own_files import new_files
 from pipeline.tables.whole_files import write_text
 from synthetic.encode import write_video
 from synthetic.scene import Codec

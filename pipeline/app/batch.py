@@ -44,7 +44,7 @@ from pipeline.session.input_settings import guesses_left, has_session_of, settin
 from pipeline.session.inputs import find_inputs, readable
 from pipeline.session.results_folders import results_folders
 from pipeline.session.session_file import settings_digest
-from pipeline.tables.new_files import make_folder
+from pipeline.tables.own_files import make_folder
 from pipeline.tables.result_exchange import settle_all
 from pipeline.tables.run_record import read_run, read_state
 

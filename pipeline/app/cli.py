@@ -254,7 +254,7 @@ def paper(out: Out, debug: Debug = False):
 
     The numbers behind each are written as CSV, with modes.csv and published.csv.
     """
-    from pipeline.tables.new_files import write_new
+    from pipeline.tables.own_files import write_new
     from whiskermodel.paper.files import write_paper
 
     for path in write_new(out, lambda new: write_paper(new, progress=say)):

@@ -191,7 +191,7 @@ def _export(results, out, write):
     """
     from pipeline.app.case_by_case import each
     from pipeline.convert.results import read_results
-    from pipeline.tables.new_files import write_new
+    from pipeline.tables.own_files import write_new
 
     _, left_out = each(
         read_results(results),
@@ -272,7 +272,7 @@ def export_whacc(results: Results, out: Out, debug: Debug = False):
     """
     from pipeline.convert.results import read_results
     from pipeline.convert.whacc import write_whacc
-    from pipeline.tables.new_files import write_new
+    from pipeline.tables.own_files import write_new
 
     videos = read_results(results)
     made_of = [video.made_of for video in videos]

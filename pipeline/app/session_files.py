@@ -19,7 +19,7 @@ from pipeline.session.results_folders import SESSION_FILES
 from pipeline.session.session_file import session_text
 from pipeline.tables import files, whole_files
 from pipeline.tables.columns import VIDEO_COLUMNS
-from pipeline.tables.new_files import copies
+from pipeline.tables.own_files import copies
 from pipeline.tables.run_record import STATE_FILE, read_run
 from pipeline.tables.whole_files import sha256
 

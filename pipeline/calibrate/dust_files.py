@@ -12,7 +12,7 @@ from pipeline.tables.calibration_columns import (
 )
 from pipeline.tables.columns import as_table
 from pipeline.tables.files import write_csv
-from pipeline.tables.new_files import new_files
+from pipeline.tables.own_files import new_files
 
 
 def pooled_slope(motions: list[FollicleMotion]) -> Slope | None:

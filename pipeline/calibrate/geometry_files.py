@@ -10,7 +10,7 @@ from pipeline.calibrate.geometry_picture import draw_pooled, draw_whisker
 from pipeline.session.edit import set_whisker_values, whisker_has
 from pipeline.tables.calibration_columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS, PROFILE_COLUMNS
 from pipeline.tables.files import write_csv
-from pipeline.tables.new_files import new_files
+from pipeline.tables.own_files import new_files
 from pipeline.tables.whole_files import sha256, write_text
 
 UNITS = {"length": "mm", "base_radius": "um", "tip_radius": "um", "cone_length": "mm"}

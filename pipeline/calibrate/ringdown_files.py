@@ -7,7 +7,7 @@ from pipeline.calibrate.ringdown_picture import draw_ringdown
 from pipeline.session.edit import set_whisker_values
 from pipeline.tables.calibration_columns import RINGDOWN_COLUMNS
 from pipeline.tables.files import write_csv
-from pipeline.tables.new_files import new_files
+from pipeline.tables.own_files import new_files
 from pipeline.tables.whole_files import write_text
 
 STIFFNESSES = (float("inf"), 100.0, 30.0, 10.0, 5.0, 0.0)  # of the follicle, E I0/L

@@ -14,7 +14,7 @@ from pipeline.tables.calibration_columns import (
 )
 from pipeline.tables.columns import as_table
 from pipeline.tables.files import write_csv, write_rows
-from pipeline.tables.new_files import new_files
+from pipeline.tables.own_files import new_files
 
 
 def write_views(out, views: TwoViews, measured: list[ViewsMeasurement], made_of=()) -> None:

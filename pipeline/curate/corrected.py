@@ -26,7 +26,7 @@ from pipeline.tables.columns import (
     empty_table,
 )
 from pipeline.tables.evidence import EVIDENCE_FILE, read_evidence
-from pipeline.tables.new_files import is_changed
+from pipeline.tables.own_files import is_changed
 from pipeline.tables.result_exchange import draft, is_settled, put_in_place, settled
 from pipeline.tables.run_record import read_state, write_state
 from pipeline.tables.video_messages import as_cell, sentences_of

@@ -11,7 +11,7 @@ from pipeline.reports.plots import NO_DATE, SVG_IDS
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
 from pipeline.tables import whole_files
 from pipeline.tables.files import csv_text
-from pipeline.tables.new_files import write_new
+from pipeline.tables.own_files import write_new
 
 
 def write_fig3(

@@ -13,7 +13,7 @@ from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.known_names import never_shown
-from pipeline.tables.new_files import replace_own
+from pipeline.tables.own_files import replace_own
 from pipeline.tables.run_record import read_pole
 from pipeline.video.open import open_video
 

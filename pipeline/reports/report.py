@@ -27,7 +27,7 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_FLAGS, VIDEO_COLUMNS, split_flags
 from pipeline.tables.known_names import nameless_in
-from pipeline.tables.new_files import replace_own
+from pipeline.tables.own_files import replace_own
 from pipeline.tables.result_exchange import overlays_in
 from pipeline.tables.run_record import read_run
 from pipeline.tables.video_messages import sentences_of

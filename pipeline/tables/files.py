@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.tables.columns import FRAME_COLUMNS, Column, as_table, units_of
-from pipeline.tables.new_files import replace_own
+from pipeline.tables.own_files import replace_own
 from pipeline.tables.whole_files import whole_file
 
 ROWS_PER_GROUP = 8192

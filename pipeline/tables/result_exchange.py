@@ -15,7 +15,7 @@ from pathlib import Path
 
 from pipeline.errors import renamed
 from pipeline.runtime.folder_lock import locked
-from pipeline.tables.new_files import COPY, keep_changed, written_in
+from pipeline.tables.own_files import COPY, keep_changed, written_in
 from pipeline.tables.run_record import STATE_FILE
 from pipeline.tables.whole_files import read_json, remove_unfinished, sha256, to_disk, write_json
 

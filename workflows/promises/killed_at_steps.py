@@ -11,7 +11,7 @@ import pandas as pd
 
 from pipeline.runtime.folder_lock import LOCK_FILE
 from pipeline.session.session_file import read_session, settings_digest
-from pipeline.tables.new_files import RECORD
+from pipeline.tables.own_files import RECORD
 from pipeline.tables.result_exchange import READY
 from pipeline.tables.run_record import STATE_FILE, read_state
 from promises import stand_in, whole

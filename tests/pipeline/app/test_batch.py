@@ -39,9 +39,9 @@ from pipeline.session.session_file import (
     settings_from,
     write_session,
 )
-from pipeline.tables import files, new_files, result_exchange, run_record, whole_files
+from pipeline.tables import files, own_files, result_exchange, run_record, whole_files
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
-from pipeline.tables.new_files import RECORD
+from pipeline.tables.own_files import RECORD
 
 SETTINGS = settings_from(
     {"recording": {"frames_per_second": 1000, "pixels_per_mm": 25, "face": "left"}}
@@ -274,7 +274,7 @@ def test_of_results_copied_without_hidden_files_only_edited_tables_are_kept(
     folder, calls, tmp_path, monkeypatch
 ):
     def draw(results):
-        with new_files.new_files(results / "figures") as new:
+        with own_files.new_files(results / "figures") as new:
             (new / "fig3.csv").write_text(f"{len(calls)}")
 
     monkeypatch.setattr(pipeline.reports.figures, "write_fig3", draw)

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.errors import InputError, with_advice
 from pipeline.tables import result_exchange
-from pipeline.tables.new_files import RECORD
+from pipeline.tables.own_files import RECORD
 from pipeline.tables.result_exchange import draft, is_settled, settle, settle_all, settled
 
 STEPS = (os, "replace"), (pathlib.Path, "unlink"), (pathlib.Path, "rename"), (shutil, "rmtree")

@@ -10,8 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.tables import new_files as new_files_module
-from pipeline.tables.new_files import new_files, replace_own
+from pipeline.tables import own_files
+from pipeline.tables.own_files import new_files, replace_own
 
 N = range(30)
 
@@ -65,7 +65,7 @@ def test_a_file_that_was_made_of_other_things_stays(tmp_path):
     made_of("friday 1")
     write(tmp_path, table="of nothing that is known")
     made_of("monday 1")
-    record = tmp_path / new_files_module.RECORD
+    record = tmp_path / own_files.RECORD
     record.write_text(record.read_text().replace('["monday 1"]', "5").replace("monday 1", "5"))
     made_of("5")
     assert visible(tmp_path) == {"table": "the newest"}
@@ -98,9 +98,9 @@ def test_a_file_that_no_list_is_there_of_is_kept_once(tmp_path):
     """As in a folder that was copied without its hidden files."""
     path = tmp_path / "one"
     replace_own(path, lambda new: new.write_text("ours"))
-    (tmp_path / new_files_module.RECORD).unlink()
+    (tmp_path / own_files.RECORD).unlink()
     path.write_text("a day's work")
-    assert not new_files_module.is_changed(path)  # nobody knows
+    assert not own_files.is_changed(path)  # nobody knows
     (said,) = replace_own(path, lambda new: new.write_text("ours"))
     assert said.startswith(f"{path} is on no list of what whiskerforce wrote there: it is kept as")
     for text in ("second", "third"):
@@ -112,7 +112,7 @@ def test_a_file_is_known_however_its_replacement_ends(tmp_path, monkeypatch):
     path = tmp_path / "one"
     replace_own(path, lambda new: new.write_text("first"))
     with monkeypatch.context() as patched:
-        patched.setattr(new_files_module, "write_json", lambda *_: os.mkdir("/nowhere/at/all"))
+        patched.setattr(own_files, "write_json", lambda *_: os.mkdir("/nowhere/at/all"))
         with pytest.raises(OSError, match="nowhere"):
             replace_own(path, lambda new: new.write_text("second"))
     assert visible(tmp_path) == {"one": "first"}
@@ -158,7 +158,7 @@ def test_nothing_changes_where_writing_fails(tmp_path):
         run_out_of_space()
     assert raised.value.filename == str(tmp_path / "two")
     assert visible(tmp_path) == {"one": "old"}
-    assert not (tmp_path / new_files_module.DRAFT).exists()
+    assert not (tmp_path / own_files.DRAFT).exists()
 
 
 def test_what_is_unfinished_lies_in_the_draft(tmp_path, monkeypatch):
@@ -171,7 +171,7 @@ def test_what_is_unfinished_lies_in_the_draft(tmp_path, monkeypatch):
 
     monkeypatch.setattr(tempfile, "mkstemp", mkstemp)
     write(tmp_path, one="new")
-    assert set(places) == {tmp_path / new_files_module.DRAFT}
+    assert set(places) == {tmp_path / own_files.DRAFT}
 
 
 @pytest.mark.parametrize("after", range(5))
@@ -209,6 +209,6 @@ def test_what_is_there_already_in_the_same_words_may_be_written(tmp_path):
 @pytest.mark.parametrize("text", ["", "[]", '{"one": 5}', "\x00"])
 def test_where_the_list_is_damaged_all_files_are_somebody_elses(tmp_path, text):
     write(tmp_path, one="ours")
-    (tmp_path / new_files_module.RECORD).write_text(text)
+    (tmp_path / own_files.RECORD).write_text(text)
     with pytest.raises(InputError, match="one: would be replaced"):
         write(tmp_path, one="newer")
