@@ -29,6 +29,10 @@ DRAFT = f"{PART}new"  # holds what is being written
 RECORD = f"{PART}written"  # the list: a file's name → SHA-256 of what may be there by us
 COPY, FIGURES = "written", "figures"  # keys of the list in run.json, and in it of the figures'
 MADE_OF = "/made of"  # in it: a file's name → what it was made of; no file can be called so
+ADVICE = {  # on a person's changes of a file of results
+    "contacts.csv": "contacts that you change in `whiskerforce curate` stay changed",
+    "session.toml": "settings that you change in the session.toml beside the videos hold",
+}
 _LISTING = threading.Lock()  # of the threads of `curate`; other programs keep out of the folder
 
 
@@ -110,7 +114,7 @@ def keep_changed(folder, new) -> list[str]:
         unknown = "is on no list of what whiskerforce wrote there"
         kept.append(
             f"{path} {changed if path.name in record else unknown}: it is kept as "
-            f"{set_aside(path)}; contacts that you change in `whiskerforce curate` stay changed"
+            f"{set_aside(path)}; {ADVICE.get(path.name, 'take from there what you need')}"
         )
     return kept
 

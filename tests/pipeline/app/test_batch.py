@@ -264,7 +264,12 @@ def test_a_videos_table_that_a_person_has_changed_is_kept_and_said(folder, calls
     written = path.read_bytes()
     path.write_bytes(written + b"# my notes\n")
     summary = batch.run([folder], out, overwrite=True)
-    assert [f"kept as {path}.old" in each.message for each in summary.outcomes] == [True, False]
+    advice = {
+        "contacts.csv": "contacts that you change in `whiskerforce curate` stay changed",
+        "session.toml": "settings that you change in the session.toml beside the videos hold",
+    }.get(name, "take from there what you need")
+    said = f"kept as {path}.old; {advice}"
+    assert [said in each.message for each in summary.outcomes] == [True, False]
     assert path.with_name(f"{name}.old").read_bytes() == written + b"# my notes\n"
     assert path.read_bytes() == written
     assert not any(each.message for each in batch.run([folder], out).outcomes)
