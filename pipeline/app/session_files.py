@@ -23,6 +23,8 @@ from pipeline.tables.own_files import copies
 from pipeline.tables.run_record import STATE_FILE, read_run
 from pipeline.tables.whole_files import sha256
 
+LISTED = (".", "figures", "figures/courses")  # folders of what is written for the whole session
+
 
 def refuse_foreign_files(out):
     """Raise if a folder that no run has used has files that a run would replace."""
@@ -101,7 +103,7 @@ def _run_record(summary, jobs, session) -> dict:
         "interrupted": summary.interrupted,
         "pictures_of": read_run(summary.out).get("pictures_of", ""),
         "session_sha256": session,
-        **copies(summary.out),
+        **copies(summary.out, LISTED),
         "inputs": {
             each.video: {key: getattr(each, key) for key in kept} for each in summary.outcomes
         },
@@ -129,7 +131,7 @@ def is_drawn(out) -> bool:
 
 def _mark_drawn(out):
     record = whole_files.read_json(out / STATE_FILE, {})
-    drawn = {"pictures_of": _digest(out)} | copies(out)
+    drawn = {"pictures_of": _digest(out)} | copies(out, LISTED)
     whole_files.write_json(out / STATE_FILE, record | drawn)
 
 

@@ -27,7 +27,8 @@ from pipeline.tables.whole_files import (
 
 DRAFT = f"{PART}new"  # holds what is being written
 RECORD = f"{PART}written"  # the list: a file's name → SHA-256 of what may be there by us
-COPY, FIGURES = "written", "figures"  # keys of the list in run.json, and in it of the figures'
+COPY = "written"  # in run.json: a folder → its list
+DEEPEST = 2  # folders below the one of run.json
 MADE_OF = "/made of"  # in it: a file's name → what it was made of; no file can be called so
 ADVICE = {  # on a person's changes of a file of results
     "contacts.csv": "contacts that you change in `whiskerforce curate` stay changed",
@@ -122,20 +123,20 @@ def keep_changed(folder, new) -> list[str]:
 def written_in(folder) -> dict:
     """The list of what whiskerforce has written in a folder; {} where none can be read."""
     folder = Path(folder)
-    record = (
-        read_json(folder / RECORD) or _copy_in(folder) or _copy_in(folder.parent).get(folder.name)
-    )
-    return record if isinstance(record, dict) else {}
+    above = (folder, *folder.parents)[: 1 + DEEPEST]
+    copied = (_copy_in(each, folder) for each in above)
+    return read_json(folder / RECORD) or next(filter(None, copied), {})
 
 
-def copies(results) -> dict:
-    """Copies of the lists of a whole results folder and its figures, for its run.json."""
-    results = Path(results)
-    return {COPY: written_in(results) | {FIGURES: written_in(results / FIGURES)}}
+def copies(results, folders=(".",)) -> dict:
+    """Copies of the lists of these folders in a results folder, for its run.json."""
+    return {COPY: {each: written_in(Path(results) / each) for each in folders}}
 
 
-def _copy_in(folder) -> dict:
-    copy = read_json(folder / STATE_FILE, {}).get(COPY)
+def _copy_in(results, folder) -> dict:
+    """The copy of a folder's list in the run.json of results that it is part of."""
+    lists = read_json(results / STATE_FILE, {}).get(COPY)
+    copy = lists.get(folder.relative_to(results).as_posix()) if isinstance(lists, dict) else None
     return copy if isinstance(copy, dict) else {}
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from pipeline.errors import renamed
 from pipeline.runtime.folder_lock import locked
-from pipeline.tables.own_files import COPY, keep_changed, written_in
+from pipeline.tables.own_files import copies, keep_changed
 from pipeline.tables.run_record import STATE_FILE
 from pipeline.tables.whole_files import read_json, remove_unfinished, sha256, to_disk, write_json
 
@@ -110,7 +110,7 @@ def _move_in(ready, folder) -> list[str]:
     kept = keep_changed(folder, gone | new)
     state = read_json(ready / STATE_FILE)
     if state is not None:
-        write_json(ready / STATE_FILE, state | {COPY: written_in(folder)})
+        write_json(ready / STATE_FILE, state | copies(folder))
     if (ready / STATE_FILE).exists():
         for name in gone:  # what shows other lines
             (folder / name).unlink(missing_ok=True)

@@ -281,6 +281,9 @@ def test_of_results_copied_without_hidden_files_only_edited_tables_are_kept(
     def draw(results):
         with own_files.new_files(results / "figures") as new:
             (new / "fig3.csv").write_text(f"{len(calls)}")
+        (results / "figures" / "courses").mkdir(exist_ok=True)
+        page = results / "figures" / "courses" / "a.html"
+        own_files.replace_own(page, lambda new: new.write_text(f"{len(calls)}"))
 
     monkeypatch.setattr(pipeline.reports.figures, "write_fig3", draw)
     batch.run([folder], tmp_path / "results")
