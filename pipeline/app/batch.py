@@ -133,14 +133,7 @@ def run(
     """
     started = time.monotonic()
     out = Path(out)
-    is_ours = (out / LOG_FILE).exists() or "version" in read_run(out)
-    inputs = source.find(paths, out)
-    _check_inputs(inputs)
-    settings, guesses = settings_of(inputs, config), guesses_left(inputs, config)
-    source.check(settings.values())
-    make_folder(out)
-    if not is_ours:
-        refuse_foreign_files(out)
+    inputs, settings, guesses = _checked(source, paths, out, config)
     with locked(out):
         check_folder(out)
         is_persons = has_session_of(inputs, out, config)
@@ -154,15 +147,13 @@ def run(
         with _shown(due, progress) as shown:
             new, interrupted = _process(due, jobs, shown, log)
             outcomes = _unusable(inputs, names, out) | new | _left(due, new)
-            behind, renewed = follow_corrections(out)
-            outcomes |= {task.folder.name: _as_corrected(task, behind) for task in skipped}
+            corrected, renewed = _as_corrected(skipped, out)
+            outcomes |= corrected
             ordered = [outcomes[name] for name in names.values() if name in outcomes]
             others, lost = without_lost(of_other_videos(out, set(names.values())), paths)
             seconds = time.monotonic() - started
-            own, replaced = "", ()
-            if not is_persons:
-                digests = {task.digest for task in tasks} | digests_of(others, out)
-                own, replaced = write_session_file(out, list(settings.values()), digests)
+            digests = {task.digest for task in tasks} | digests_of(others, out)
+            own, replaced = ("", ()) if is_persons else write_session_file(out, settings, digests)
             summary = Summary(
                 out, (*ordered, *others), len(skipped), seconds, interrupted, lost,
                 problems=(*replaced, *guesses, *kept, *renewed),
@@ -174,6 +165,19 @@ def run(
                 summary = with_pictures(summary, due, shown, log)
         log.write(f"ended: {summary.line()}")
     return summary
+
+
+def _checked(source, paths, out, config):
+    """Inputs, their settings by path, guesses in these; InputError where `run` cannot begin."""
+    is_ours = (out / LOG_FILE).exists() or "version" in read_run(out)
+    inputs = source.find(paths, out)
+    _check_inputs(inputs)
+    settings, guesses = settings_of(inputs, config), guesses_left(inputs, config)
+    source.check(settings.values())
+    make_folder(out)
+    if not is_ours:
+        refuse_foreign_files(out)
+    return inputs, settings, guesses
 
 
 def _tasks(inputs, settings, names, out, overwrite, overlay) -> list[Task]:
@@ -198,11 +202,18 @@ def _due_and_skipped(tasks) -> tuple[list[Task], list[Task]]:
     return due, skipped
 
 
-def _as_corrected(task, behind) -> Outcome:
-    """The outcome of results that were there, which now follow from a person's corrections."""
-    count = read_state(task.folder).get("contacts", task.finished.contacts)
-    outcome = replace(task.finished, contacts=count)
-    return warned(outcome, behind.get(task.folder.name, ""))
+def _as_corrected(skipped, out) -> tuple[dict, list[str]]:
+    """Outcomes of results that were there, as they follow from a person's corrections now.
+
+    By the name of their folder; and a sentence on each edited file that is kept.
+    """
+    behind, renewed = follow_corrections(out)
+    outcomes = {}
+    for task in skipped:
+        name = task.folder.name
+        count = read_state(task.folder).get("contacts", task.finished.contacts)
+        outcomes[name] = warned(replace(task.finished, contacts=count), behind.get(name, ""))
+    return outcomes, renewed
 
 
 def _unusable(inputs, names, out) -> dict:

@@ -57,12 +57,12 @@ def check_folder(out):
 def write_session_file(out, settings, digests) -> tuple[str, tuple[str, ...]]:
     """Write the settings in force; one that a person has written is kept under another name.
 
-    settings : of the videos of this run
+    settings : of the videos of this run, by their paths
     digests : of the settings of all videos that have results in `out`
     Returns the hash of what was written, "" if nothing was, and what a person should know.
     """
     target = out / SETTINGS_NAME
-    distinct = list(dict.fromkeys(settings))
+    distinct = list(dict.fromkeys(settings.values()))
     if not distinct:
         return "", ()
     text = session_text(distinct[0])
