@@ -13,6 +13,7 @@ from pipeline.numerics.runs import evenly
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import without_pole
 from pipeline.scene.estimate import find_scenes, survey
+from pipeline.scene.pole_search import SURE
 from pipeline.scene.preparation import prepare_video
 from pipeline.scene.scale import FIELD_MM, scale_of
 from pipeline.session.input_settings import PREVIEW_NAME, SETTINGS_NAME, check_settings_name
@@ -31,7 +32,7 @@ from pipeline.video.open import open_video
 LOOKED_AT = 3  # videos
 FRAMES_PER_SECOND = 1000.0
 POLE_DIAMETER_MM = 0.5
-SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order for the pole
+SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order until a pole is sure
 
 
 @dataclass(frozen=True)
@@ -150,18 +151,23 @@ def _usual_scale(video) -> float:
 def _scene_and_scale(look):
     """The typical scene, frames of it, and the scale [px/mm].
 
-    The scale is from the pole's thickness, or else from the image's size.
+    The scale is from the pole's thickness, or else from the image's size. Of discs found at
+    several scales, the one most similar to a pole's end is the pole.
     """
-    usual, first = _usual_scale(look.video), None
+    usual, first, best = _usual_scale(look.video), None, None
     for factor in SCALES:
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
         seen = survey(look, recording)
         epochs = find_scenes(look.video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
         scene, frames = _typical_frames(look.video, seen, epochs)
-        if scene.pole is not None and not _is_passed_over(scene, frames):
-            return scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
         first = first or (replace(scene, pole=None), frames, usual)
-    return first
+        if scene.pole is None or _is_passed_over(scene, frames):
+            continue
+        if best is None or scene.pole_likeness > best[0].pole_likeness:
+            best = scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
+        if scene.pole_likeness > SURE:
+            break
+    return best or first
 
 
 def _typical_frames(video, seen, epochs):

@@ -50,6 +50,7 @@ class StaticScene:
         nowhere
     refused_poles : x, y [px] of what looked like a pole, and why it is none, in words
     face_seen : whether a face is in view; else the mask is that of what stands for it
+    pole_likeness : of a disc to a pole's end (`pole_search.likeness`)
     """
 
     background: np.ndarray
@@ -64,6 +65,7 @@ class StaticScene:
     refused_poles: tuple[tuple[float, float, str], ...] = ()
     moving_fur: np.ndarray | None = None
     face_seen: bool = True
+    pole_likeness: float = 0.0
 
     @property
     def unseen_face(self) -> float:

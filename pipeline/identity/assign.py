@@ -128,7 +128,7 @@ def _all_rows(lines, templates, given, sides, open_ended, limits, unnamed):
     whisker, sure, all_names = np.full(len(frame), -1), np.ones(len(frame)), ()
     for number, side_name in enumerate(sides.names):
         own = np.flatnonzero(side == number)
-        own = own[~_are_hairs(track[own], base[own], features[own])]
+        own = own[~_are_hairs(frame, track[own], base[own], features[own], templates)]
         row = [template for template in templates if template.name.startswith(side_name)]
         both = open_ended and len(sides.names) > 1
         direction = 1 if both else _runs_along(row, sides.dials[number])
@@ -152,13 +152,19 @@ def _all_rows(lines, templates, given, sides, open_ended, limits, unnamed):
     return whisker, sure, all_names
 
 
-def _are_hairs(track, base, features):
-    """Rows (rows,) of tracks that are hairs apart from the row of whiskers, bool."""
+def _are_hairs(frame, track, base, features, templates):
+    """Rows (rows,) of tracks that are hairs apart from the whiskers of all `templates`, bool.
+
+    frame : of all lines, of this row of the face or not
+    """
     _, of = np.unique(track, return_inverse=True)
-    places = np.column_stack([_medians(values, of, np.bincount(of)) for values in base.T])
-    strength = np.bincount(of, np.nan_to_num(np.exp(features[:, LENGTH] + features[:, THICKNESS])))
+    count = np.bincount(of)
+    places = np.column_stack([_medians(values, of, count) for values in base.T])
+    strength = np.nan_to_num(np.exp(features[:, LENGTH] + features[:, THICKNESS]))
+    strength, seen = np.bincount(of, strength) / count, count / len(np.unique(frame))
     usual = np.exp(medians(features[:, LENGTH], np.array([0, len(track)])))[0]
-    return hairs.are_hairs(places, strength, usual)[of]
+    known = np.array([template.base_xy for template in templates]).reshape(-1, 2)
+    return hairs.are_hairs_beside(places, strength, seen, usual, known)[of]
 
 
 def _as_given(named, length, given, found):

@@ -15,7 +15,7 @@ from pipeline.scene.face import darkest_sides, find_face, likelier_side
 from pipeline.scene.masks import dilated, opened, opened_beyond_border, regions
 from pipeline.scene.moving_fur import moving_fur
 from pipeline.scene.pole_doubts import doubt
-from pipeline.scene.pole_search import PoleCheck, find_pole
+from pipeline.scene.pole_search import PoleCheck, find_pole, likeness
 from pipeline.scene.preparation import N_FRAMES, PreparedVideo, prepare_video, without_black
 from pipeline.scene.scale import working_scale
 from pipeline.scene.states import Survey, periods
@@ -159,6 +159,7 @@ def scene_from_frames(
         refused_poles=refused,
         moving_fur=moving_fur(light, frames, face | obstacles, scale, own),
         face_seen=bool(animal.any()),
+        pole_likeness=0.0 if pole is None else likeness(pole),
     )
 
 

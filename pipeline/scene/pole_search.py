@@ -82,21 +82,20 @@ def _likeliest_first(image, rough, radius_px):
             continue
         pole = measure_disc(image, x, y, radius, radius_px)
         if pole is not None:
-            likeness = _likeness(pole, radius_px)
-            best, sure = max(best, score), sure or likeness > SURE
-            rivals.append((likeness, pole))
+            off = (pole.radius_px / radius_px - 1) / RADIUS_SPREAD
+            likely = likeness(pole) * np.exp(-0.5 * off**2)
+            best, sure = max(best, score), sure or likely > SURE
+            rivals.append((likely, pole))
             seen.append(pole)
     yield from (pole for _, pole in sorted(rivals, key=lambda each: -each[0]))
 
 
-def _likeness(pole, radius_px):
-    """How similar a measured disc is to a pole's end: round, opaque, of the expected radius.
+def likeness(pole) -> float:
+    """How similar a measured disc is to a pole's end: round and opaque, 0 to 0.65.
 
-    Dust is paler, and of any size.
+    Dust is paler, and so is a place where hairs cross.
     """
-    off = (pole.radius_px / radius_px - 1) / RADIUS_SPREAD
-    edge = min(pole.arc, ROD_ARC) * (1 - 4 * pole.residual)
-    return edge * pole.opacity**4 * np.exp(-0.5 * off**2)
+    return float(min(pole.arc, ROD_ARC) * (1 - 4 * pole.residual) * pole.opacity**4)
 
 
 def _first_firm(poles, passed_over):
@@ -163,8 +162,8 @@ def _hough(shape, x, y, ux, uy, strength, radius_px):
 def _rough_circle(image, x, y, radius_px):
     """Circle (x, y, radius, score) through the half levels along rays from (x, y), or None.
 
-    The score is a first guess of `_likeness`. It is no more than that, since the rod shifts the
-    circle a little, and a small pole then looks too pale.
+    The score is a first guess of the likeness, less for another radius. It is no more than that,
+    since the rod shifts the circle a little, and a small pole then looks too pale.
     """
     angles = rays()
     design = np.column_stack([np.cos(angles), np.sin(angles), np.ones(N_RAYS)])

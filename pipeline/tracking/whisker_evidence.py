@@ -10,7 +10,9 @@ from scipy.special import betaln
 
 from pipeline.detection import line_choice
 from pipeline.scene.face import THICKER, far_over_near
+from pipeline.tracking import hairs
 from pipeline.tracking.line_ends import BORDER_PX
+from pipeline.tracking.registry import usual_strength
 
 # a whisker's far third is thinner than its near one by more than this if it rests or is seldom
 # seen; of 48 whiskers on three recordings 46 have 0.1 to 0.7, two that a body cuts short up to 1.1
@@ -55,8 +57,20 @@ def whisker_like(templates, n_frames: int, shape, given: bool = False, unseen_fa
         may_be and _may_be_whisker(lines, each, n_frames, shape)
         for lines, each in zip(row, moves, strict=True)
     ]
+    if any(likely) and not given:
+        likely &= ~_hairs(templates, np.array(moves), n_frames)
     pairs = list(zip(templates, likely, strict=True))
     return [s for s, good in pairs if good], [s for s, good in pairs if not good]
+
+
+def _hairs(templates, moves, n_frames) -> np.ndarray:
+    """Which are still hairs apart from those that move, or else from the strongest, bool (n,)."""
+    bases = np.array([template.base_xy for template in templates])
+    strength = np.array([usual_strength(template.samples) for template in templates])
+    seen = np.array([len(template.samples) for template in templates]) / n_frames
+    usual = np.median([line.n for template in templates for line in template.samples])
+    known = bases[moves] if moves.any() else bases[[np.argmax(strength)]]
+    return hairs.are_hairs_beside(bases, strength, seen, usual, known) & ~moves
 
 
 def _end_inside(lines, shape) -> np.ndarray:
@@ -95,7 +109,9 @@ def _density(values, mean, sd):
 def _may_be_whisker(lines, moves, n_frames, shape) -> bool:
     ratio = _thinner(lines, _end_inside(lines, shape))
     if np.isnan(ratio):
-        return moves
+        if moves:
+            return True
+        ratio = _thinner(lines, np.ones(len(lines), bool))  # of what the border leaves
     often = len(lines) >= OFTEN * n_frames
     if not (moves or often):
         return False  # a still line is there all the time

@@ -3,13 +3,24 @@
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
-from pipeline.app.init import Look, _is_passed_over, _unlike, findings, init_folder
+from pipeline.app.init import (
+    POLE_DIAMETER_MM,
+    Look,
+    _is_passed_over,
+    _scene_and_scale,
+    _unlike,
+    findings,
+    init_folder,
+)
 from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.errors import InputError
+from pipeline.scene.preparation import prepare_video
 from pipeline.session.session_file import session_text, settings_from
+from pipeline.video.open import open_video
 
 SHAPE = (240, 320)
 RADIUS = 7.0  # px
@@ -34,6 +45,21 @@ def test_a_speck_that_a_whisker_passes_over_gives_none():
     across, beside = (np.rint(each).astype(np.uint8) for each in frames)
     assert _is_passed_over(plain, across)
     assert not _is_passed_over(plain, beside)
+
+
+def test_the_scale_is_from_the_disc_most_similar_to_a_pole():
+    """Not from the first: where hairs cross, there is something small and round, but paler."""
+    where, radius = (230, 150), 9.0  # px
+    picture = np.where(COLUMNS < 60, 10.0, 180.0)
+    picture[np.hypot(COLUMNS - where[0], ROWS - where[1]) < radius] = 10.0
+    picture[np.hypot(COLUMNS - 150, ROWS - 60) < 3] *= 0.3
+    noisy = cv2.GaussianBlur(picture, (0, 0), 0.8) + np.random.default_rng(0).normal(
+        0, 1.5, (24, *SHAPE)
+    )
+    with open_video(np.rint(noisy).astype(np.uint8)) as video:
+        scene, _, scale = _scene_and_scale(prepare_video(video, 14.0))
+    assert (scene.pole.x_px[0], scene.pole.y_px[0]) == pytest.approx(where, abs=0.2)
+    assert scale * POLE_DIAMETER_MM == pytest.approx(2 * radius, abs=0.5)
 
 
 def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():

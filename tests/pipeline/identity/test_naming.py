@@ -484,6 +484,18 @@ def test_a_hair_apart_from_the_row_is_left_out_and_a_whisker_seen_as_seldom_is_n
         assert len(got) == 3 * frames + 3 * kept
 
 
+@pytest.mark.parametrize(("thickness_px", "kept"), [(0.05, 0), (0.3, 3)])
+def test_several_thin_hairs_apart_from_the_row_are_left_out(thickness_px, kept):
+    angles, frames = [-0.3, 0.1, 0.4], 20
+    templates = [WhiskerTemplate(n, a, 60) for n, a in zip("abc", angles, strict=True)]
+    apart = [straight(0.7, 60) + np.array([0.0, down]) for down in (60.0, 66.0, 72.0)]
+    lines = [*(straight(a, 60) for a in angles), *apart]
+    chunk = centrelines(np.repeat(range(frames), 6), list(range(6)) * frames, lines * frames)
+    chunk.thickness_px[np.repeat(chunk.whisker, np.diff(chunk.offsets)) > 2] = thickness_px
+    (got,) = name_lines(iter([chunk]), templates, one_row(templates), USUAL, open_ended=True)
+    assert len(got) == (3 + kept) * frames
+
+
 @pytest.mark.parametrize("open_ended", [False, True])
 def test_a_single_frame_is_named(open_ended):
     angles = [-0.3, 0.1, 0.4]

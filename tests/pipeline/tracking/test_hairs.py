@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.cluster.hierarchy import fcluster, linkage
 
-from pipeline.tracking.hairs import APART, _close_together, are_hairs
+from pipeline.tracking.hairs import APART, LEAST, _close_together, are_hairs, are_hairs_beside
 
 LENGTH = 120.0  # px
 ROW = np.array([[10.0 * k, 3.0 * (k % 2)] for k in range(20)])
@@ -24,6 +24,21 @@ def test_what_is_weak_and_apart_is_hair(strength, gap, hair):
 @pytest.mark.parametrize("n", [0, 3])
 def test_where_no_line_is_known_nothing_is_hair(n):
     assert not are_hairs(np.zeros((n, 2)), np.full(n, np.nan), np.nan).any()
+
+
+@pytest.mark.parametrize(
+    ("part", "seen", "gap", "hair"),
+    [(0.9, 1.0, 1.2, True), (1.1, 1.0, 1.2, False), (0.9, 1.0, 0.8, False), (3.0, 0.1, 1.2, True)],
+)
+def test_several_hairs_apart_from_known_whiskers_are_no_likelier_than_one(part, seen, gap, hair):
+    """What is as strong as a whisker, or as near, is one; what is seldom seen is none."""
+    hairs = ROW[-1] + np.array([[gap * APART * LENGTH + 5.0 * k, 0] for k in range(5)])
+    strength = np.concatenate([np.full(20, 10.0), np.full(5, part * LEAST * 10.0)])
+    often = np.concatenate([np.ones(20), np.full(5, seen / 5 if seen < 1 else 1.0)])
+    found = are_hairs_beside(np.vstack([ROW, hairs]), strength, often, LENGTH, ROW[:3])
+    assert not found[:20].any()
+    assert (found[20:] == hair).all()
+    assert not are_hairs_beside(hairs, strength[20:], often[20:], LENGTH, ROW[:3]).any()
 
 
 def test_groups_are_those_of_single_linkage():

@@ -55,6 +55,7 @@ def told_apart(frames):
         ("a whisker that rests", 0.0, 1.5, 0.2, 250),
         ("a whisker that whisks, trimmed to a third", 0.1, 1.5, 1.1, 120),
         ("a whisker that whisks, its end out of the picture", 0.1, 1.5, 0.8, 500),
+        ("a whisker that rests, its end out of the picture", 0.0, 1.5, 0.2, 500),
     ],
 )
 def test_whiskers_are_kept(what, swing, near, far, length):
@@ -137,6 +138,21 @@ def test_a_tail_that_is_dragged_is_no_whisker_though_it_tapers_and_moves(slides_
         frames[i] = np.roll(picture(angle, 1.5, 0.2, 250, i), slide, axis=0)
     kept, refused = told_apart(frames)
     assert (len(kept), len(refused)) == ((1, 0) if is_whisker else (0, 1))
+
+
+@pytest.mark.parametrize("whisks", [False, True])
+@pytest.mark.parametrize("hair_whisks", [False, True])
+def test_a_weak_line_apart_from_a_whisker_is_one_only_if_it_whisks(whisks, hair_whisks):
+    lines = ((whisks, 1.5, 0.2, 250, -60), (hair_whisks, 1.0, 0.2, 120, 70))
+    pictures = []
+    for i, turn in enumerate(0.1 * np.sin(np.linspace(0, 12, FRAMES))):
+        each = [
+            np.roll(picture(turns * turn, near, far, length, i), down, axis=0)
+            for turns, near, far, length, down in lines
+        ]
+        pictures.append(np.min(each, axis=0))
+    kept, refused = told_apart(np.stack(pictures))
+    assert (len(kept), len(refused)) == (1 + hair_whisks, 1 - hair_whisks)
 
 
 def grain(n):
