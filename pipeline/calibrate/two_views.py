@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from pipeline.errors import in_words
 from pipeline.tables.files import check_separator
 
 COLUMNS = ("first_x_px", "first_y_px", "second_x_px", "second_y_px")
@@ -74,7 +75,10 @@ def read_points(path) -> np.ndarray:
     except FileNotFoundError:
         raise ViewsError(f"--points {path}: no such file; expected a CSV file") from None
     except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise ViewsError(f"--points {path}: is no CSV file ({error})") from None
+        raise ViewsError(
+            f"--points {path}: is no CSV file ({in_words(error)}); save a table with the columns "
+            f"{', '.join(COLUMNS)} as CSV"
+        ) from None
     except ValueError as error:
         raise ViewsError(f"--points {path}: {error}") from None
     missing = [column for column in COLUMNS if column not in table]

@@ -289,6 +289,15 @@ def test_points_saved_with_semicolons_say_so(tmp_path):
         read_points(tmp_path / "points.csv")
 
 
+@pytest.mark.parametrize("content", [b"", b"\xff\xfe", b'a,b\n"1'], ids=["empty", "text", "quote"])
+def test_points_in_a_file_of_another_kind_say_so(tmp_path, content):
+    (tmp_path / "points.csv").write_bytes(content)
+    with pytest.raises(
+        ViewsError, match=r"points.csv: is no CSV file .*save a table with the col"
+    ):
+        read_points(tmp_path / "points.csv")
+
+
 @pytest.mark.parametrize(
     ("change", "options", "expected"),
     [
