@@ -16,13 +16,16 @@ def with_blurred(frame: Frame, sharp, broad) -> list[Line]:
 
     The two edges of a whisker that moves while the shutter is open pass for two whiskers; one
     broad line takes nearly as much light as they do, the part `one_line` at least. Of two whiskers
-    it would not.
+    it would not. What other lines explain counts for neither.
     """
     out, one_line = list(sharp), frame.options.params.detection.one_line
     for line in broad:
         along = [s for s in out if shared_fraction(s, line, reach(line)) > 0.5]
-        if _explained(frame, line, [line]) > one_line * _explained(frame, line, along):
-            out = [line, *(s for s in out if all(s is not other for other in along))]
+        others = [s for s in out if all(s is not each for each in along)]
+        with lines_in_background(frame.model, others):
+            gained, lost = (_explained(frame, line, each) for each in ([line], along))
+        if gained > one_line * lost:
+            out = [line, *others]
     return sorted(out, key=lambda line: -contrast_length(line))
 
 

@@ -1,6 +1,6 @@
 """Names for the lines of a whole video, given when all of it has been tracked.
 
-The tracker follows lines without names (`tracking.unlabelled_tracker`). Here they are stored in a
+The tracker follows lines without names (`tracking.tracker`). Here they are stored in a
 file until the video has ended; only a few numbers per line stay in memory. The appearance of every
 whisker is learnt from all frames. The names are those that appearance and motion together make
 most likely, as several namings agree on them (`consensus`).
@@ -25,7 +25,6 @@ from pipeline.tracking import hairs, line_ends
 from pipeline.tracking.given_lengths import GivenLengths, numbers_in_order, probabilities
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.two_sides import names_by_side
-from pipeline.tracking.unlabelled_tracker import is_crowd
 
 FEWEST_FRAMES = 2  # shorter tracks that belong to no named whisker are dropped
 
@@ -42,9 +41,7 @@ def assign_identities(
 ) -> Iterator[Centrelines]:
     """Yield the chunks of a video with a name for every line.
 
-    The lines of a crowd get the names that suit the whole video best (`name_lines`). Whiskers
-    that stand apart keep the names that the tracker gave them; their confidence is multiplied by
-    how `likely` these are.
+    They get the names that suit the whole video best (`name_lines`).
 
     Parameters
     ----------
@@ -57,10 +54,8 @@ def assign_identities(
     other_side : `WhiskerTemplate`s of a side of the face without names: its lines get none
     given : lengths of all whiskers in session.toml, by which those that are seen are recognised;
         None: those of the templates
-    unnamed : in the end, it counts the lines of a crowd that get no name
+    unnamed : in the end, it counts the lines that get no name
     """
-    if not is_crowd(templates, options):
-        return _as_likely(chunks, templates)
     ruler, params = Ruler.of(face_side, options), options.params.identity
     named = [template.name for template in templates]
     may_be_two = open_ended or names_by_side(named, face_side) is not None
@@ -69,13 +64,6 @@ def assign_identities(
     )
     limits = Limits(params, options.frames_per_second)
     return name_lines(chunks, templates, sides, limits, open_ended, given, unnamed)
-
-
-def _as_likely(chunks, templates):
-    """The chunks, with less confidence in whiskers whose names are not certain."""
-    likely = np.array([template.likely for template in templates], np.float32)
-    for chunk in chunks:
-        yield replace(chunk, confidence=chunk.confidence * likely[chunk.whisker])
 
 
 def name_lines(
@@ -115,7 +103,7 @@ def name_lines(
             chunk = _load(file)
             own = slice(first, first + len(chunk))
             first += len(chunk)
-            yield _named(chunk, all_names, whisker[own], sure[own])
+            yield _named(chunk, all_names, whisker[own], sure[own], given.longest_px)
 
 
 def _all_rows(lines, templates, given, sides, open_ended, limits, unnamed):
@@ -278,12 +266,13 @@ def _runs_along(templates, dial) -> int:
     return -1 if len(places) > 1 and np.polyfit(np.arange(len(places)), places, 1)[0] < 0 else 1
 
 
-def _named(chunk: Centrelines, all_names, whisker, sure) -> Centrelines:
-    """The chunk's lines that have a name, with their names."""
+def _named(chunk: Centrelines, all_names, whisker, sure, longest_px) -> Centrelines:
+    """The chunk's lines that have a name, with their names, none longer than its whisker."""
     kept = np.flatnonzero(whisker >= 0)
     confidence = (chunk.confidence * sure)[kept].astype(np.float32)
+    most = np.array([longest_px.get(name, np.inf) for name in all_names])[whisker[kept]]
     return replace(
-        chunk.rows(kept),
+        chunk.rows(kept, most),
         names=all_names,
         whisker=whisker[kept].astype(np.int32),
         confidence=confidence,

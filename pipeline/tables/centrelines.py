@@ -107,9 +107,9 @@ class Centrelines:
         x, y = np.repeat(by, np.diff(self.offsets), axis=0).T.astype(np.float32)
         return replace(self, x_px=self.x_px + x, y_px=self.y_px + y)
 
-    def rows(self, rows) -> "Centrelines":
-        """Return the rows of these numbers, in their order."""
-        counts = np.diff(self.offsets)[rows]
+    def rows(self, rows, most=np.inf) -> "Centrelines":
+        """Return the rows of these numbers, in their order; of each, `most` points at most."""
+        counts = np.minimum(np.diff(self.offsets)[rows], most).astype(np.int64)
         offsets = np.append(0, np.cumsum(counts)).astype(np.int64)
         points = np.repeat(self.offsets[rows] - offsets[:-1], counts) + np.arange(offsets[-1])
         taken = {name: rows for name in PER_ROW} | {name: points for name in PER_POINT}

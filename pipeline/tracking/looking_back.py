@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.detection import line_choice
 from pipeline.detection.line import Line
 from pipeline.tracking import row_rotation
-from pipeline.tracking.tracker import DOUBLE_SHARE
+from pipeline.tracking.close_tracks import DOUBLE_SHARE
 
 APART = 0.4  # part of a line that may lie along another one, if it is another whisker
 
@@ -38,15 +38,12 @@ class RecentFrames:
 
     def add(self, image, trust) -> Iterator[TrackedFrame]:
         """Note the frame that the tracker has just gone through; hand on those of long ago."""
-        tracker, looks_back = self.tracker, self.tracker.looks_back
-        lines = {t.number: t.line for t in tracker.tracks if t.line is not None}
-        if looks_back:
-            image, short = image.copy(), {k: line.shortened() for k, line in lines.items()}
-            self.frames.append(TrackedFrame(image, tracker.gain, trust, short))
-            self._follow_back(lines)
-        else:
-            self.frames.append(TrackedFrame(image, tracker.gain, trust, lines))
-        yield from self.hand_on(looks_back)
+        tracker = self.tracker
+        lines = {t.number: t.line for t in tracker.tracks}
+        short = {number: line.shortened() for number, line in lines.items()}
+        self.frames.append(TrackedFrame(image, tracker.gain, trust, short))
+        self._follow_back(lines)
+        yield from self.hand_on(tracker.looks_back)
 
     def hand_on(self, but: int = 0) -> Iterator[TrackedFrame]:
         """Hand on all frames `but` the last ones."""
@@ -72,7 +69,7 @@ class RecentFrames:
             row_rotation.turned(earlier[number], line) if number in earlier else np.nan
             for number, line in later.items()
         ]
-        even = self.tracker.even_turns(list(later.values()), np.array(turned))
+        even = self.tracker.rows.even_turns(list(later.values()), np.array(turned))
         return dict(zip(later, even, strict=True))
 
     def _line_before(self, line, number, turn, later, seen) -> Line | None:

@@ -168,11 +168,3 @@ def common_turn(seen, known) -> float:
     """Median change of angle from `known` to `seen`, row by row [rad]."""
     turn = seen[:, ANGLE] - known[:, ANGLE]
     return float(np.median(wrap_angle(turn)))
-
-
-def crowded(signatures, options: TracingOptions) -> bool:
-    """Whether whiskers stand so close that they hide each other, or pass for each other."""
-    if len(signatures) < 3:
-        return False
-    gaps = np.diff(np.sort([signature[PLACE] for signature in signatures]))
-    return bool(np.median(gaps) < options.px(options.params.tracking.crowded_mm))

@@ -17,7 +17,6 @@ from pipeline.tracking.given_lengths import (
     GivenLengths,
     numbers_in_order,
     posterior_first,
-    probabilities,
     runs_backwards,
 )
 from pipeline.tracking.matching import Ruler
@@ -33,7 +32,7 @@ class WhiskerTemplate:
 
     `samples` are lines of it, of the sample frames with the numbers `frames`. `signature` is as in
     matching.Ruler, less the turn of all whiskers. No line of this whisker is longer than
-    `longest_px`. `likely` is the probability that it is the given one of its name.
+    `longest_px`.
     """
 
     name: str
@@ -42,7 +41,6 @@ class WhiskerTemplate:
     samples: tuple = ()  # detection.Line
     signature: np.ndarray | None = None
     longest_px: float = np.inf
-    likely: float = 1.0
     frames: tuple = ()
 
 
@@ -200,10 +198,9 @@ def named_as_given(templates, given: GivenLengths) -> list[WhiskerTemplate]:
     if reverse:
         templates, whole = templates[::-1], whole[::-1]
     numbers = numbers_in_order(whole, longest)
-    likely = probabilities(whole, longest, numbers)
     return [
-        replace(template, name=names[k], longest_px=longest[k], likely=float(sure))
-        for template, k, sure in zip(templates, numbers, likely, strict=True)
+        replace(template, name=names[k], longest_px=longest[k])
+        for template, k in zip(templates, numbers, strict=True)
     ]
 
 

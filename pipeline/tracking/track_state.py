@@ -1,4 +1,4 @@
-"""The state of one tracked whisker, and the prediction of its line in the next frame."""
+"""The state of one tracked line, and the prediction of its line in the next frame."""
 
 from dataclasses import dataclass
 
@@ -7,13 +7,13 @@ from numba import njit
 
 from pipeline.detection.line import Line
 from pipeline.tracking import row_rotation
-from pipeline.tracking.registry import WhiskerTemplate
 
 
 @dataclass
 class Track:
-    """The state of one whisker: its line, the line before, and for how many frames it is lost.
+    """The state of one line: where it is, None once it is lost, and where it was before.
 
+    `longest_px` : no line of a whisker is longer
     `whole` : the last line of which nothing hid the tip
     `turn` : its predicted turn beyond its last motion [rad], and how far behind its base it turns
         [px]
@@ -21,32 +21,28 @@ class Track:
     `expected` : the line in this frame as the turn of its row predicts it
     """
 
-    template: WhiskerTemplate
+    longest_px: float
     line: Line | None = None
     before: Line | None = None
     whole: Line | None = None
-    lost_for: int = 0
     turn: tuple[float, float] = (0.0, 0.0)
     number: int = 0
     age: int = 0
     expected: Line | None = None
 
-    def __post_init__(self):
-        self.whole = max(self.template.samples, key=lambda line: line.n, default=None)
-
     def take(self, line: Line | None, before: Line | None = None) -> None:
-        """Continue with another line, which may be as long as this whisker."""
-        self.line, self.before, self.lost_for = line, before, 0
+        """Continue with another line, which may be as long as whiskers are."""
+        self.line, self.before = line, before
         if line is not None:
-            line.longest = self.template.longest_px
+            line.longest = self.longest_px
 
     def turned_to(self, line: Line) -> float:
         """Turn of a line since the one before [rad], NaN where there is none."""
         return np.nan if self.before is None else row_rotation.turned(line, self.before)
 
     def lose(self) -> None:
-        """Give the line up: the whisker is lost since this frame."""
-        self.line, self.lost_for = None, 1
+        """Give the line up: it is not seen in this frame."""
+        self.line = None
 
 
 def predicted(track: Track, with_velocity: bool) -> Line:

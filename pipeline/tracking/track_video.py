@@ -19,7 +19,6 @@ from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.looking_back import RecentFrames, TrackedFrame
 from pipeline.tracking.registry import WhiskerTemplate
 from pipeline.tracking.tracker import Tracker
-from pipeline.tracking.unlabelled_tracker import UnlabelledTracker, is_crowd
 
 CHUNK_FRAMES = 500
 UNSEEN = np.full(len(PLACES_PX), np.nan, np.float32)
@@ -90,34 +89,27 @@ def track(
 ) -> Iterator[Centrelines]:
     """Follow lines through the frames; yield centrelines chunk by chunk.
 
-    Where whiskers stand apart, `whisker` numbers the templates; in a crowd (`is_crowd`) it numbers
-    tracks, which `pipeline.identity` names when the whole video has been seen.
+    `whisker` numbers tracks, which `pipeline.identity` names when the whole video has been seen.
 
     Parameters
     ----------
     frames : uint8 (height, width) images in order
     scene : StaticScene, or the video's epochs (`pipeline.scene.find_scenes`) where large things
         move in and out; while they move, the confidence is halved
-    templates : the whiskers to follow (`find_templates`)
+    templates : of the whiskers that the video shows (`find_templates`)
     options : lengths in pixels (`options_for`)
 
     Yields
     ------
-    Centrelines of up to `chunk_frames` frames; a whisker that is lost in a frame has no row.
+    Centrelines of up to `chunk_frames` frames; a line that is lost in a frame has no row.
     """
     scenes = _starting_scenes(scene)
-    return _followed(frames, scenes, _tracker(scenes[0][0], templates, options), chunk_frames)
-
-
-def _tracker(scene, templates, options) -> Tracker:
-    """The tracker for these whiskers; the lines of a crowd get their names in the end."""
-    kind = UnlabelledTracker if is_crowd(templates, options) else Tracker
-    return kind(scene, templates, options)
+    return _followed(frames, scenes, Tracker(scenes[0][0], templates, options), chunk_frames)
 
 
 def _followed(frames, scenes, tracker, chunk_frames) -> Iterator[Centrelines]:
-    """Chunks of the lines, with the tracker's names or numbers."""
-    collector = _Collector(tracker.names)
+    """Chunks of the lines, with the numbers of their tracks."""
+    collector = _Collector(())
     spacing = tracker.options.spacing_px
     index = -1
     for index, seen in enumerate(_tracked(frames, scenes, tracker)):
@@ -135,8 +127,7 @@ def _tracked(frames, scenes, tracker) -> Iterator[TrackedFrame]:
     """Every frame with its lines, handed on when tracks that begin later cannot reach it."""
     recent = RecentFrames(tracker)
     trust = 1.0
-    if tracker.crowded:
-        frames = _settled_in(tracker, iter(frames))
+    frames = _settled_in(tracker, iter(frames))
     for index, image in enumerate(frames):
         if index in scenes:
             present, trust = scenes[index]
@@ -150,7 +141,7 @@ def _tracked(frames, scenes, tracker) -> Iterator[TrackedFrame]:
 
 def _settled_in(tracker, frames):
     """The same frames; before, the tracker has gone through the first ones, there and back."""
-    first = [image.copy() for image in itertools.islice(frames, tracker.first_frames)]
+    first = list(itertools.islice(frames, tracker.first_frames))
     if len(first) > 1:
         tracker.settle_in(first)
     return itertools.chain(first, frames)

@@ -59,11 +59,13 @@ class TrackerParams:
         0.35, "the same below which a whisker is lost", "chosen"
     )
     search_every_s: quantity(0.0005, 10, "s") = parameter(
-        0.02,
-        "time between two searches for a lost whisker; also for new lines at rest beside one "
-        "or two whiskers",
+        0.02, "time between two searches for new lines at rest beside up to four whiskers, while "
+        "one is missing", "chosen",
+    )  # fmt: skip
+    search_beside_all_s: quantity(0.0005, 10, "s") = parameter(
+        0.2, "the same while as many lines are followed as there are whiskers: one may be a hair",
         "chosen",
-    )
+    )  # fmt: skip
     established_s: quantity(0.0005, 1, "s") = parameter(
         0.01, "a line followed for so long is no blur beside another one", "chosen"
     )
@@ -71,8 +73,8 @@ class TrackerParams:
         0.005, "time in which the claim of a new track to its line grows to half", "chosen"
     )
     rest_s: quantity(0.0005, 1, "s") = parameter(
-        0.003, "after so long without a change, lines without names are at rest; new ones beside "
-        "three and more whiskers are then looked for as seldom", "chosen on real recordings",
+        0.003, "after so long without a change, lines are at rest; new ones beside five and more "
+        "whiskers are then looked for as seldom", "chosen on real recordings",
     )  # fmt: skip
     astray_deg: quantity(0.1, 45, "°") = parameter(
         4.0, "SD of a line's direction about the predicted one, among many whiskers", "chosen"
@@ -104,10 +106,6 @@ class TrackerParams:
     angle_sd_deg: quantity(0.1, 45, "°") = parameter(
         5.0, "SD of a whisker's angle beside the turn of the whole row", "chosen"
     )
-    crowded_mm: quantity(0.05, 10, "mm") = parameter(
-        1.0, "bases this near, in the median: a crowd, in which names are given at the end",
-        "chosen",
-    )  # fmt: skip
     fur_share: quantity(0, 1, "ratio") = parameter(
         0.18, "length × absorbance, of the strongest line, below which a line is fur", "chosen"
     )

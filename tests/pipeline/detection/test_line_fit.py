@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from traced_lines import trace_templates
 
 from pipeline.detection import line_fit, line_profile
 from pipeline.detection.frame import Frame
@@ -153,16 +154,14 @@ def test_a_lost_whisker_is_not_sought_on_the_wrong_side_of_another():
     empty.obstacle_mask[:] = False
     both = [parallel_whiskers((100, 118))] * 3
     templates = find_templates(np.array(both), empty, options, ["a", "b"])
-    upper, lower = Tracker(empty, templates, options).step(both[0])
-    assert [round(t.template.base_xy[1]) for t in (upper, lower)] in ([100, 118], [118, 100])
-    follow = Tracker(empty, templates, options)
-    follow.step(both[0])
-    for _ in range(25):
-        tracks = {
-            round(t.template.base_xy[1]): t for t in follow.step(parallel_whiskers((80, 100)))
-        }
-        assert tracks[118].line is None, "what is seen at row 80 must be another hair"
-        assert tracks[100].line.points[0, 1] == pytest.approx(100, abs=1)  # px
+    images = 40 * [parallel_whiskers((100, 118))] + 25 * [parallel_whiskers((80, 100))]
+    (lines,) = trace_templates(images, empty, templates, options)
+    rows = {0: [], 1: []}
+    for whisker, frame, start in zip(lines.whisker, lines.frame, lines.offsets, strict=False):
+        rows[whisker].append((frame, round(float(lines.y_px[start]))))
+    always, lost = sorted(rows.values(), key=len, reverse=True)
+    assert always == [(k, 100) for k in range(65)]
+    assert lost == [(k, 118) for k in range(40)], "what is seen at row 80 must be another hair"
 
 
 @pytest.mark.parametrize(("kappa", "hook"), [(60.0, False), (150.0, False), (500.0, True)])
@@ -174,7 +173,7 @@ def test_a_line_that_turns_sharply_at_its_base_is_no_whisker(kappa, hook):
         40 + np.cumsum(np.cos(angle)),
         50 + np.cumsum(np.sin(angle)),
     )
-    assert bends.hooked(line.x, line.y, line.n, follow.bends) == hook
+    assert bends.hooked(line.x, line.y, line.n, follow.follower.bends) == hook
 
 
 def distance_from_walls(shape=(120, 120)):

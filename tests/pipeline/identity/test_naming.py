@@ -451,6 +451,18 @@ def test_a_given_whisker_that_the_first_look_missed_is_named_all_the_same():
         assert [got.names[k] for k in got.whisker] == ["a", "b", "c"]
 
 
+def test_no_line_is_longer_than_the_whisker_whose_name_it_gets():
+    angles, longest = [-0.3, 0.1, 0.4], {"a": 51.0, "b": 200.0, "c": np.inf}
+    templates = [WhiskerTemplate(*each) for each in zip("abc", angles, [60] * 3, strict=True)]
+    lines = [straight(angle, 60) for angle in angles]
+    chunk = centrelines([0] * 3, range(3), lines)
+    given = GivenLengths(longest)
+    (got,) = name_lines(iter([chunk]), templates, one_row(templates), USUAL, given=given)
+    assert [got.names[k] for k in got.whisker] == ["a", "b", "c"]
+    for row, count in enumerate([51, len(chunk.row(1)), len(chunk.row(2))]):
+        np.testing.assert_array_equal(got.row(row), chunk.row(row)[:count])
+
+
 def test_names_follow_the_parameters_of_the_options():
     own = replace(DEFAULTS.identity, seldom=0.9, nameless_confidence=0.2)
     options = replace(OPTIONS, params=replace(DEFAULTS, identity=own))

@@ -5,7 +5,7 @@ from dense_row import dense_row, whisker_at
 
 from pipeline.tracking.looking_back import RecentFrames
 from pipeline.tracking.track_video import _tracked
-from pipeline.tracking.unlabelled_tracker import UnlabelledTracker
+from pipeline.tracking.tracker import Tracker
 
 pytestmark = pytest.mark.slow
 
@@ -18,7 +18,7 @@ def row():
     return dense_row(FRAMES)
 
 
-class LosingTracker(UnlabelledTracker):
+class LosingTracker(Tracker):
     """It loses a track at the first of the frames LOST, in which it looks for no others."""
 
     lost = 4
@@ -29,9 +29,9 @@ class LosingTracker(UnlabelledTracker):
             self.tracks = [track for track in self.tracks if track.number != self.lost]
         return self.tracks
 
-    def _search_all(self, frame):
+    def _search(self, frame):
         if self.frame_number not in LOST:
-            super()._search_all(frame)
+            super()._search(frame)
 
 
 def followed(row, scenes=None, **changed):
@@ -75,7 +75,7 @@ def test_it_does_not_look_back_past_a_change_of_the_scene(row):
 
 
 def test_lines_that_are_followed_back_lie_on_no_other_line(row):
-    tracker, image = UnlabelledTracker(row.scene, row.templates, row.options), row.images[0]
+    tracker, image = Tracker(row.scene, row.templates, row.options), row.images[0]
     tracker.step(image)
     tracks, tracker.tracks = tracker.tracks, []
     recent = RecentFrames(tracker)
@@ -89,7 +89,7 @@ def test_lines_that_are_followed_back_lie_on_no_other_line(row):
 
 
 def test_frames_are_kept_without_the_room_that_lines_have_to_grow(row):
-    tracker = UnlabelledTracker(row.scene, row.templates, row.options)
+    tracker = Tracker(row.scene, row.templates, row.options)
     recent = RecentFrames(tracker)
     for image in row.images[:2]:
         tracker.step(image)

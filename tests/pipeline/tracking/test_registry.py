@@ -14,7 +14,7 @@ from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking import registry
 from pipeline.tracking.given_lengths import GivenLengths
-from pipeline.tracking.matching import Ruler, crowded
+from pipeline.tracking.matching import Ruler
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import (
     WhiskerTemplate,
@@ -69,7 +69,6 @@ def test_all_whiskers_are_among_the_templates_in_order(row):
     assert [template.name for template in row.templates] == row.names
     bases = [template.base_xy[1] for template in row.templates]
     assert np.all(np.diff(bases) > -1.5)  # px: some leave the face at the same place
-    assert crowded([template.signature for template in row.templates], row.options)
 
 
 def test_what_is_dark_in_a_few_damaged_frames_does_not_hide_whiskers():

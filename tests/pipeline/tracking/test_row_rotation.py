@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 
 from pipeline.detection.image_model import Picture
 from pipeline.detection.line import Line
-from pipeline.tracking.registry import WhiskerTemplate
+from pipeline.tracking.close_tracks import reassign_lines
 from pipeline.tracking.row_rotation import bent, common_turns, even_turns, places, turn_line
 from pipeline.tracking.track_state import Track
-from pipeline.tracking.tracker import reassign_lines
 
 SHAPE = (240, 320)
 
@@ -138,10 +137,7 @@ def test_a_line_is_bent_by_what_its_far_half_turns_by_beside_its_near_one(start,
 def test_lines_are_given_to_the_tracks_that_they_go_on_with_whatever_all_turn_by(turn, order):
     angles = np.radians([-20.0, -12, -8, 3, 9])
     now = fan(angles + turn)
-    tracks = [
-        Track(WhiskerTemplate("", np.zeros(2), 150.0, longest_px=200.0 + k), before=line)
-        for k, line in enumerate(fan(angles))
-    ]
+    tracks = [Track(200.0 + k, before=line) for k, line in enumerate(fan(angles))]
     for track, k in zip(tracks, order, strict=True):
         track.take(now[k], track.before)
     reassign_lines(tracks)

@@ -11,12 +11,12 @@ from pipeline.detection.image_model import lines_in_background
 from pipeline.detection.static_scene import StaticScene
 from pipeline.numerics.angles import wrap_angle
 from pipeline.session.recording import Recording
-from pipeline.tracking import row_rotation
+from pipeline.tracking import close_tracks, row_rotation
 from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.track_state import Track
 from pipeline.tracking.track_video import track
-from pipeline.tracking.unlabelled_tracker import UnlabelledTracker
+from pipeline.tracking.tracker import Tracker
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +31,7 @@ def crowd():
 
 def test_tracks_stay_with_their_whiskers_in_fast_whisking(crowd):
     trial, scene, templates, options, images = crowd
-    tracker = UnlabelledTracker(scene, templates, options)
+    tracker = Tracker(scene, templates, options)
     last, same, other = {}, 0, 0
     for frame, image in zip(FRAMES, images, strict=True):
         now = {t.number: whisker_at(trial, frame, t.line) for t in tracker.step(image)}
@@ -46,7 +46,7 @@ def test_tracks_stay_with_their_whiskers_in_fast_whisking(crowd):
 
 def test_it_goes_on_where_all_lines_are_lost_for_some_frames(crowd):
     _, scene, templates, options, images = crowd
-    tracker = UnlabelledTracker(scene, templates, options)
+    tracker = Tracker(scene, templates, options)
     empty = np.clip(scene.background, 0, 255).astype(np.uint8)
     seen = [
         len(tracker.step(image)) for image in (*images[:3], empty, empty, empty, *images[3:12])
@@ -57,9 +57,9 @@ def test_it_goes_on_where_all_lines_are_lost_for_some_frames(crowd):
 
 def test_while_lines_rest_new_ones_are_looked_for_every_3_ms_and_found(crowd, monkeypatch):
     _, scene, templates, options, images = crowd
-    tracker = UnlabelledTracker(scene, templates, options)
-    searched, search = [], tracker._search_all
-    monkeypatch.setattr(tracker, "_search_all", lambda *at: (searched.append(at), search(*at)))
+    tracker = Tracker(scene, templates, options)
+    searched, search = [], tracker._search
+    monkeypatch.setattr(tracker, "_search", lambda *at: (searched.append(at), search(*at)))
     empty = np.clip(scene.background, 0, 255).astype(np.uint8)
     for _ in range(20):
         assert tracker.step(empty) == []
@@ -85,17 +85,17 @@ def test_lines_stay_with_their_whiskers_in_a_video_that_begins_amid_a_whisk(crow
 
 def test_a_line_that_goes_on_as_its_neighbour_halfway_is_worth_less(crowd):
     _, scene, templates, options, images = crowd
-    tracker = UnlabelledTracker(scene, templates, options)
+    tracker = Tracker(scene, templates, options)
     for image in images[:3]:
         tracks = tracker.step(image)
     longest = max(tracks, key=lambda track: track.line.n)
     line, k = longest.line.copy(), longest.line.n // 2
-    own = tracker._worth(line, longest)
+    own = tracker.follower.worth(line, longest)
     x, y = line.x[k:] - line.x[k], line.y[k:] - line.y[k]
     turn = np.radians(8)
     line.x[k:] = line.x[k] + x * np.cos(turn) - y * np.sin(turn)
     line.y[k:] = line.y[k] + x * np.sin(turn) + y * np.cos(turn)
-    assert tracker._worth(line, longest) < 0.5 * own
+    assert tracker.follower.worth(line, longest) < 0.5 * own
 
 
 SNOUT = 180, 320, 280  # its columns, and the row to which it reaches [px]
@@ -132,7 +132,7 @@ def test_the_sides_of_a_face_turn_against_each_other():
     drawn = [snout_with_whiskers(turn) for turn in turns]
     options = options_for(Recording(500.0, 12.0, "top"))
     first = np.array([drawn[0][0]] * 3)
-    tracker = UnlabelledTracker(scene, find_templates(first, scene, options), options)
+    tracker = Tracker(scene, find_templates(first, scene, options), options)
     seen = []
     for image, directions in drawn:
         tracks = tracker.step(image)
@@ -165,9 +165,7 @@ def scene_of_long_whisker():
 def test_new_lines_are_looked_for_near_the_face_and_followed_to_their_far_ends(monkeypatch):
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image, looked = long_whisker(), []
-    tracker = UnlabelledTracker(
-        scene, find_templates(np.array([image] * 3), scene, options), options
-    )
+    tracker = Tracker(scene, find_templates(np.array([image] * 3), scene, options), options)
     curves_in = ridges.curves_in
     monkeypatch.setattr(ridges, "curves_in", lambda *at: looked.append(at[0]) or curves_in(*at))
     seen = [tracker.step(image)[0].line.n for _ in range(20)]
@@ -177,12 +175,12 @@ def test_new_lines_are_looked_for_near_the_face_and_followed_to_their_far_ends(m
     assert seen[-1] == pytest.approx(LONG, abs=6)
 
 
-def lone_tracker():
-    """A tracker of the long whisker, which has followed it for three frames."""
+def lone_tracker(whiskers=1):
+    """A tracker of so many whiskers, which has followed the long one for three frames."""
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image = long_whisker()
     templates = find_templates(np.array([image] * 3), scene, options)
-    tracker = UnlabelledTracker(scene, templates, options)
+    tracker = Tracker(scene, templates * whiskers, options)
     for _ in range(3):
         tracker.step(image)
     return tracker
@@ -191,17 +189,18 @@ def lone_tracker():
 def test_a_lone_whisker_may_turn_and_bend_at_once_as_where_it_slips_off_a_pole():
     tracker = lone_tracker()
     (track,) = tracker.tracks
-    line, own = track.line.copy(), tracker._worth(track.line, track)
+    line, own = track.line.copy(), tracker.follower.worth(track.line, track)
     line.y[: line.n] += 60 * (np.arange(line.n) / line.n) ** 2  # px
-    assert tracker._worth(line, track) == pytest.approx(own)
+    assert tracker.follower.worth(line, track) == pytest.approx(own)
 
 
-def test_a_lone_whisker_that_rests_is_followed_with_few_searches(monkeypatch):
-    tracker, searched = lone_tracker(), []
-    monkeypatch.setattr(tracker, "_search_all", lambda *at: searched.append(tracker.frame_number))
-    for _ in range(100):
+@pytest.mark.parametrize(("whiskers", "every"), [(1, 200), (2, 20)])
+def test_lines_at_rest_are_followed_with_few_searches(monkeypatch, whiskers, every):
+    tracker, searched = lone_tracker(whiskers), []
+    monkeypatch.setattr(tracker, "_search", lambda *at: searched.append(tracker.frame_number))
+    for _ in range(600):
         tracker.step(long_whisker())
-    assert len(searched) <= 6  # in every 20 ms, of 200
+    assert (np.diff(searched[-3:]) == every).all()  # frames: as of a video of 1000 frames/s
 
 
 def test_a_lone_whisker_is_found_as_soon_as_the_light_is_on():
@@ -215,19 +214,17 @@ def test_a_lone_whisker_is_found_as_soon_as_the_light_is_on():
 def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image, fitted = long_whisker(), []
-    tracker = UnlabelledTracker(
-        scene, find_templates(np.array([image] * 3), scene, options), options
-    )
+    tracker = Tracker(scene, find_templates(np.array([image] * 3), scene, options), options)
     (track,) = tracker.step(image)
     track.line.amplitude *= 0.5  # as if it had got darker: half of its darkness is left
     initialise = new_lines.initialise_line
     monkeypatch.setattr(
         new_lines, "initialise_line", lambda *at: fitted.append(at) or initialise(*at)
     )
-    tracker._search_all(tracker.frame_of(image, 1.0))
+    tracker._search(tracker.frame_of(image, 1.0))
     assert fitted == []
     tracker.tracks.clear()
-    tracker._search_all(tracker.frame_of(image, 1.0))
+    tracker._search(tracker.frame_of(image, 1.0))
     assert len(fitted) > 0
 
 
@@ -235,33 +232,30 @@ def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
 def test_of_two_lines_on_one_whisker_the_surer_one_goes_on_and_lies_on_it(age):
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image = long_whisker()
-    tracker = UnlabelledTracker(
-        scene, find_templates(np.array([image] * 3), scene, options), options
-    )
+    tracker = Tracker(scene, find_templates(np.array([image] * 3), scene, options), options)
     (track,) = tracker.step(image)
     track.age = 60
-    beside = Track(tracker.template, number=99, age=age)
+    beside = Track(tracker.options.longest_px, number=99, age=age)
     beside.take(track.line.copy())
     for line, off in ((track.line, -0.8), (beside.line, 0.8)):  # px: on its two edges
         line.y += off
         line.amplitude *= 0.6
     tracker.tracks.append(beside)
     with lines_in_background(tracker.model):
-        tracker._merge(tracker.frame_of(image, 1.0))
-    assert tracker.tracks == [track]
+        frame = tracker.frame_of(image, 1.0)
+        close_tracks.merge(tracker.tracks, tracker.shared_px, frame, tracker.follower)
+    assert close_tracks.seen(tracker.tracks) == [track]
     assert np.abs(track.line.points[:, 1] - 100).max() < 0.1  # px
 
 
 def test_a_line_that_begins_far_from_the_face_is_lost():
     scene, options = scene_of_long_whisker(), options_for(Recording(500.0, 12.0, "left"))
     image = long_whisker()
-    tracker = UnlabelledTracker(
-        scene, find_templates(np.array([image] * 3), scene, options), options
-    )
+    tracker = Tracker(scene, find_templates(np.array([image] * 3), scene, options), options)
     (track,) = tracker.step(image)
-    tracker._give_up_if_poor(track)
+    tracker.follower.give_up_if_poor(track, tracker.frame_of(image, 1.0))
     assert track.line is not None
     track.line.x += options.base_gap_px + 2
     track.before = track.line.copy()
-    tracker._give_up_if_poor(track)
+    tracker.follower.give_up_if_poor(track, tracker.frame_of(image, 1.0))
     assert track.line is None
