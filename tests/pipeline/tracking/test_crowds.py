@@ -1,4 +1,4 @@
-"""Lines of a crowd through rendered frames in which neighbours stand closer than they move."""
+"""Lines from frame to frame: of a crowd that moves by more than its spacing, of one whisker."""
 
 from types import SimpleNamespace
 
