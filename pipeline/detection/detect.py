@@ -257,9 +257,8 @@ def _about(lines, margin_px) -> tuple[slice, slice]:
 def _uncrossed_anew(frame, lines) -> list[Line]:
     """The same lines, of which crossing ones that have changed far parts are fitted again.
 
-    Lost whiskers that cross need it when they are found again by `detect` (test_tracker), and
-    those that cross at a small angle in `detect_crowded` (test_detect): without it, 341 rather
-    than 355 of 360 rendered whiskers that cross were found in single frames.
+    Whiskers that cross at a small angle need it (test_detect): without it, 341 rather than 355 of
+    360 rendered whiskers that cross were found in single frames.
     """
     changed = uncrossed(lines, frame.options)
     if not changed:

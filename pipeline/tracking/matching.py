@@ -21,7 +21,7 @@ FARTHEST = 3.0  # standard deviations in one feature count as no more
 MISFIT = 10.0  # a line less like a whisker than this (sum of squares) is another one
 SHIFTS = np.radians(np.arange(-60, 61, 4))  # tried changes of all angles
 MOST_TRIED = 4  # of them, for which lines are assigned
-SHIFT_SD = np.radians(30.0)  # of the common change about the one expected
+SHIFT_SD = np.radians(30.0)  # of the common change
 PLACE, ANGLE, THICKNESS, LENGTH = range(4)
 
 
@@ -125,46 +125,45 @@ class Match:
     gain: float
 
 
-def match(seen, known, sd, shifts=SHIFTS, middle=0.0) -> Match:
+def match(seen, known, sd) -> Match:
     """Assign lines to whiskers so that all fit best, at the best common shift of their angles.
 
-    `shifts` [rad] are tried around `middle`; the farther off, the better they must fit.
+    The larger the shift, the better they must fit.
     """
-    best = Match([], np.empty(0), middle, -np.inf)
+    best = Match([], np.empty(0), 0.0, -np.inf)
     if not len(seen) or not len(known):
         return best
-    tried = middle + np.asarray(shifts)
     # only the most promising shifts are tried, by an upper bound: as if lines could share whiskers
-    nearest = misfits(seen, known, sd, tried).min(axis=-1)
+    nearest = misfits(seen, known, sd, SHIFTS).min(axis=-1)
     most = (MISFIT - np.minimum(nearest, MISFIT)).sum(axis=-1)
-    most -= ((tried - middle) / SHIFT_SD) ** 2
-    for shift in tried[np.argsort(-most, kind="stable")[:MOST_TRIED]]:
+    most -= (SHIFTS / SHIFT_SD) ** 2
+    for shift in SHIFTS[np.argsort(-most, kind="stable")[:MOST_TRIED]]:
         for _ in range(2):
-            found = _assigned(seen, known, sd, shift, middle)
+            found = _assigned(seen, known, sd, shift)
             if found.gain > best.gain:
                 best = found
             if not found.pairs:
                 break
             lines, whiskers = np.array(found.pairs).T
-            shift = common_turn(seen[lines], known[whiskers])
+            shift = _common_turn(seen[lines], known[whiskers])
     return best
 
 
-def _assigned(seen, known, sd, shift, middle) -> Match:
+def _assigned(seen, known, sd, shift) -> Match:
     cost = misfits(seen, known, sd, [shift])[0]
     lines, whiskers = linear_sum_assignment(np.minimum(cost, MISFIT))
     keep = cost[lines, whiskers] < MISFIT
     lines, whiskers = lines[keep], whiskers[keep]
     chosen = cost[lines, whiskers]
     pairs = list(zip(lines, whiskers, strict=True))
-    return Match(pairs, chosen, shift, _gain(chosen, shift - middle))
+    return Match(pairs, chosen, shift, _gain(chosen, shift))
 
 
 def _gain(misfit, turn) -> float:
     return float((MISFIT - np.minimum(misfit, MISFIT)).sum() - (turn / SHIFT_SD) ** 2)
 
 
-def common_turn(seen, known) -> float:
+def _common_turn(seen, known) -> float:
     """Median change of angle from `known` to `seen`, row by row [rad]."""
     turn = seen[:, ANGLE] - known[:, ANGLE]
     return float(np.median(wrap_angle(turn)))
