@@ -106,14 +106,12 @@ class Line:
     Its rows are the arrays of `Nodes`, which are attributes of the line as well; handing one array
     over to compiled code takes a tenth of the time of seven. `information` and `score` are those
     of the offset at the final nodes (line_profile.py); `thickness` is the absorbance integrated
-    across the line [px], NaN where unknown; `longest` the largest number of nodes that it may
-    have.
+    across the line [px], NaN where unknown.
     """
 
     values: np.ndarray
     n: int = 0
     quality: float = 0.0
-    longest: float = np.inf
 
     def __post_init__(self):
         (
@@ -130,11 +128,11 @@ class Line:
 
     def copy(self) -> "Line":
         """Return an independent copy."""
-        return Line(self.values.copy(), self.n, self.quality, self.longest)
+        return Line(self.values.copy(), self.n, self.quality)
 
     def shortened(self) -> "Line":
         """Return a copy of the nodes in use alone, without room for more."""
-        return Line(self.values[:, : self.n].copy(), self.n, self.quality, self.longest)
+        return Line(self.values[:, : self.n].copy(), self.n, self.quality)
 
     @property
     def points(self) -> np.ndarray:

@@ -14,7 +14,7 @@ def refine(frame: Frame, line: Line, farthest=np.inf, widths=False) -> None:
     A line that is `farthest` [px] or more from them is not found. `widths`: for
     `new_lines.fit_width`.
     """
-    fit = frame.options.fit(frame.model, line.longest, farthest, widths)
+    fit = frame.options.fit(frame.model, farthest, widths)
     line.n, line.quality = line_fit.refine(
         frame.picture, line.values, line.n, fit, frame.workspace.room
     )
@@ -22,7 +22,7 @@ def refine(frame: Frame, line: Line, farthest=np.inf, widths=False) -> None:
 
 def refine_held(frame: Frame, line: Line) -> None:
     """`refine` one of the lines that are held in the background, before the others."""
-    held, fit = frame.model.held, frame.options.fit(frame.model, line.longest)
+    held, fit = frame.model.held, frame.options.fit(frame.model)
     line.n, line.quality, shade = _refine_held(
         frame.picture, line.values, line.n, *held.forget(line), fit, frame.workspace.room
     )

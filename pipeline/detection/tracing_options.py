@@ -35,13 +35,11 @@ class TracingOptions:
     snout: str | None = None
     params: Parameters = DEFAULTS
 
-    def fit(
-        self, model, longest=np.inf, farthest=np.inf, widths=False, steps=line_fit.MOST_STEPS
-    ) -> line_fit.Fit:
-        """How a line is fitted that may have `longest` nodes; the others as in `Fit`."""
+    def fit(self, model, farthest=np.inf, widths=False, steps=line_fit.MOST_STEPS) -> line_fit.Fit:
+        """How a line is fitted in an `ImageModel`; the others as in `Fit`."""
         return line_fit.Fit(
-            self.bridge_px, float(min(self.longest_px, longest)),
-            float(farthest), widths, model.faintest, self._unseen_px, model.half, steps,
+            self.bridge_px, float(self.longest_px), float(farthest), widths, model.faintest,
+            self._unseen_px, model.half, steps,
         )  # fmt: skip
 
     @cached_property

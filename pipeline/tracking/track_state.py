@@ -13,7 +13,6 @@ from pipeline.tracking import row_rotation
 class Track:
     """The state of one line: where it is, None once it is lost, and where it was before.
 
-    `longest_px` : no line of a whisker is longer
     `whole` : the last line of which nothing hid the tip
     `turn` : its predicted turn beyond its last motion [rad], and how far behind its base it turns
         [px]
@@ -21,7 +20,6 @@ class Track:
     `expected` : the line in this frame as the turn of its row predicts it
     """
 
-    longest_px: float
     line: Line | None = None
     before: Line | None = None
     whole: Line | None = None
@@ -31,10 +29,8 @@ class Track:
     expected: Line | None = None
 
     def take(self, line: Line | None, before: Line | None = None) -> None:
-        """Continue with another line, which may be as long as whiskers are."""
+        """Continue with another line."""
         self.line, self.before = line, before
-        if line is not None:
-            line.longest = self.longest_px
 
     def turned_to(self, line: Line) -> float:
         """Turn of a line since the one before [rad], NaN where there is none."""
@@ -59,7 +55,7 @@ def moved_on(line: Line, before: Line | None) -> Line:
     moving = before is not None and before.n > 20
     known = before if moving else line
     _move_on(line.values, line.n, known.values, known.n if moving else 0, values)
-    return Line(values, line.n, line.quality, line.longest)
+    return Line(values, line.n, line.quality)
 
 
 @njit(cache=True)

@@ -122,8 +122,7 @@ class Tracker:
 
         turn : by how much it is likely to have turned [rad]
         """
-        track = Track(self.options.longest_px, turn=(float(turn), self.rows.pivot))
-        track.take(line)
+        track = Track(line, turn=(float(turn), self.rows.pivot))
         with lines_in_background(self.model, beside):
             self.follower.follow(track, predicted(track, False), frame)
         return track.line
@@ -181,7 +180,5 @@ class Tracker:
         self.model.held.hold(lines)
         wanted = detect.Wanted(least=self.faintest, part=self.near_face)
         for line in detect.detect_crowded(frame, lines, wanted):
-            track = Track(self.options.longest_px, number=next(self.number))
-            track.take(line)
-            self.tracks.append(track)
+            self.tracks.append(Track(line, number=next(self.number)))
             self.unchanged = 0

@@ -1,5 +1,6 @@
 """Lines from frame to frame: of a crowd that moves by more than its spacing, of one whisker."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -235,8 +236,7 @@ def test_of_two_lines_on_one_whisker_the_surer_one_goes_on_and_lies_on_it(age):
     tracker = Tracker(scene, find_templates(np.array([image] * 3), scene, options), options)
     (track,) = tracker.step(image)
     track.age = 60
-    beside = Track(tracker.options.longest_px, number=99, age=age)
-    beside.take(track.line.copy())
+    beside = Track(track.line.copy(), number=99, age=age)
     for line, off in ((track.line, -0.8), (beside.line, 0.8)):  # px: on its two edges
         line.y += off
         line.amplitude *= 0.6
@@ -259,3 +259,11 @@ def test_a_line_that_begins_far_from_the_face_is_lost():
     track.before = track.line.copy()
     tracker.follower.give_up_if_poor(track, tracker.frame_of(image, 1.0))
     assert track.line is None
+
+
+def test_no_line_is_followed_farther_than_the_longest_whisker_may_reach():
+    scene, image = scene_of_long_whisker(), long_whisker()
+    options = replace(options_for(Recording(500.0, 12.0, "left")), longest_px=90.0)
+    tracker = Tracker(scene, find_templates(np.array([image] * 3), scene, options), options)
+    followed = [track.line.n for _ in range(5) for track in tracker.step(image)]
+    assert followed == [90] * 5
