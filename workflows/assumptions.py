@@ -159,7 +159,9 @@ def analysed(seed, case: Case):
     ]
     table = table.assign(base_angle_deg=np.degrees(turn), whisker="C2", tracked=True,
                          time_s=table["frame"] / 1000.0)  # fmt: skip
-    places = resampled.measure_stations(lines, recording, [whisker], hidden, pole)
+    places = resampled.measure_stations(
+        lines, recording, [whisker], hidden, pole, params=DEFAULTS.kinematics
+    )
     frames = as_table(table, FRAME_COLUMNS)
     whiskers = {"C2": whisker}
     frames, evidence = estimate_forces(

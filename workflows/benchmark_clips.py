@@ -143,6 +143,7 @@ def trace(clip: Clip, path=None):
         seen = estimate.survey(look, recording)
         epochs = estimate.find_scenes(video, recording, diameter, seen=seen)
         whisker_set = find_whisker_set(*seen.sample(template_frames(settings)), epochs, settings)
-        epochs = behind_whiskers(epochs, whisker_set.templates, recording.pixels_per_mm)
+        scale, params = recording.pixels_per_mm, settings.advanced.tracking
+        epochs = behind_whiskers(epochs, whisker_set.templates, scale, params)
         options = tracing_options(settings, video.shape)
         yield from trace_frames(video.lent(), epochs, whisker_set, options)

@@ -72,7 +72,7 @@ class KinematicsMeter:
         self._places.add(
             resampled.measure_stations(
                 chunk, self.recording, self.whisker_set.nominal, hidden, self.pole, interpolated,
-                self.params,
+                params=self.params,
             )
         )  # fmt: skip
 

@@ -9,7 +9,7 @@ from pipeline.detection.line_end import PLACES_PX
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics.stations import N_STATIONS, Stations
 from pipeline.numerics import polyline
-from pipeline.session.parameters import DEFAULTS, KinematicsParams
+from pipeline.session.parameters import KinematicsParams
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
@@ -92,7 +92,8 @@ def measure_stations(
     hidden_lengths,
     pole: PoleTrack | None = None,
     interpolated=frozenset(),
-    params: KinematicsParams = DEFAULTS.kinematics,
+    *,
+    params: KinematicsParams,
 ) -> Stations:
     """Places at fixed arc lengths, and distance to the pole, of every row of `centrelines`.
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.detection.tracing_options import TracingOptions
-from pipeline.session.parameters import DEFAULTS
+from pipeline.session.parameters import Parameters
 from pipeline.session.recording import Recording
 
 LONGER, LONGER_PX = 1.03, 4  # than its given length a line may be
@@ -14,7 +14,7 @@ PART, PART_M = 0.35, 5e-3
 
 
 def options_for(
-    recording: Recording, lengths_m=(), hidden_m=(), params=DEFAULTS
+    recording: Recording, lengths_m=(), hidden_m=(), *, params: Parameters
 ) -> TracingOptions:
     """Derive the tracker's lengths from the scale and, where known, the whiskers' own lengths.
 

@@ -17,7 +17,6 @@ from scipy.ndimage import maximum_filter, median_filter
 from pipeline.detection.image_model import signed_distance
 from pipeline.detection.static_scene import StaticScene
 from pipeline.scene.illumination import fill
-from pipeline.session.parameters import DEFAULTS
 
 RESTS, MOSTLY = 0.8, 0.7  # of the sample frames: to call a whisker resting, and to fill in
 CORE_PX, WIDE_PX = 7, 9  # of a whisker: the dark part, and all; OpenCV draws lines 2 px wider
@@ -26,7 +25,7 @@ LONG_PX = 61  # along a line: dust is shorter than half of it
 DARKER = 1.5  # times the usual shade: something else
 
 
-def behind_whiskers(epochs, templates, pixels_per_mm, params=DEFAULTS.tracking):
+def behind_whiskers(epochs, templates, pixels_per_mm, params):
     """The epochs with backgrounds in which no resting whisker is left; `params` of the room."""
     scenes = {id(e.scene): e.scene for e in epochs if e.scene is not None}
     cleared = {

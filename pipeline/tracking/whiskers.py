@@ -169,7 +169,7 @@ def tracing_options(settings, shape) -> TracingOptions:
     else:
         lengths = [1e-3 * w.length_mm for w in whiskers]
         hidden = [w.hidden_length for w in whiskers]
-        options = options_for(recording, lengths, hidden, settings.advanced)
+        options = options_for(recording, lengths, hidden, params=settings.advanced)
     return replace(options, ends=any(w.si() is not None for w in whiskers))
 
 

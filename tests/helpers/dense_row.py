@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
+from usual_parameters import options_for
 
 from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
-from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import WhiskerTemplate, find_templates
 from synthetic.presets import Trial, make_trial
 from synthetic.render import Renderer

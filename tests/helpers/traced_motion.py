@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 from scipy.ndimage import gaussian_filter1d
+from usual_parameters import measure_stations
 
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics import curvature, follicle, resampled
@@ -53,7 +54,7 @@ def trace(motion, seed=0, noise_px=0.03, hidden=HIDDEN, curvature_at=5.5e-3, wit
     table["whisker"] = np.asarray(lines.names, object)[table["whisker"]]
     table["tracked"] = True
     table["time_s"] = table["frame"] / recording.frames_per_second
-    places = resampled.measure_stations(
+    places = measure_stations(
         lines, recording, list(whiskers.values()), [hidden] * len(whiskers), pole
     )
     return Traced(

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from measured_contacts import analyse_contacts
 from scipy.integrate import quad
 from scipy.stats import norm
+from usual_parameters import measure_stations
 
 from pipeline.contacts import analysis
 from pipeline.contacts.intervals import find_intervals, in_contact
@@ -23,7 +24,6 @@ from pipeline.contacts.probability import (
     force_noise,
     posterior,
 )
-from pipeline.kinematics import resampled
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.columns import (
     CONTACT_FLAGS,
@@ -206,7 +206,7 @@ def test_a_whisker_that_bends_as_another_is_flagged(shorter):
     taken_for = replace(
         whisker, length=shorter * whisker.length, cone_length=shorter * whisker.cone_length
     )
-    places = resampled.measure_stations(
+    places = measure_stations(
         traced.lines, traced.recording, [taken_for], [traced_motion.HIDDEN], traced.pole
     )
     found = analyse_contacts(
@@ -351,9 +351,7 @@ def test_untraced_frames_are_bridged_inside_a_contact():
     lost = np.arange(middle - 2, middle + 2)
     lines = traced_motion.rows_of(whole.lines, ~np.isin(whole.lines.frame, lost))
     whisker = list(whole.whiskers.values())
-    places = resampled.measure_stations(
-        lines, whole.recording, whisker, [traced_motion.HIDDEN], whole.pole
-    )
+    places = measure_stations(lines, whole.recording, whisker, [traced_motion.HIDDEN], whole.pole)
     frames = whole.frames.copy()
     frames.loc[frames["frame"].isin(lost), "tracked"] = False
     tables = analyse_contacts(frames, places, whole.recording, whole.whiskers)
@@ -524,7 +522,7 @@ def test_a_hidden_length_that_the_bending_contradicts_is_corrected_and_flagged(w
     """Uncorrected, 0.45 mm would move the forces by more than 10 %."""
     traced, _ = analysed("noisy")
     hidden = traced_motion.HIDDEN + 1e-3 * wrong_by_mm
-    places = resampled.measure_stations(
+    places = measure_stations(
         traced.lines, traced.recording, list(traced.whiskers.values()), [hidden], traced.pole
     )
     found = analyse_contacts(traced.frames, places, traced.recording, traced.whiskers).contacts

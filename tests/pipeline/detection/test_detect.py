@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from usual_parameters import options_for
 
 from pipeline.detection.detect import Wanted, detect_crowded
 from pipeline.detection.frame import Frame
@@ -13,7 +14,6 @@ from pipeline.detection.line_choice import is_ghost, is_turned, shared_fraction
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
-from pipeline.tracking.options import options_for
 from synthetic.presets import make_trial
 from synthetic.render import Renderer
 

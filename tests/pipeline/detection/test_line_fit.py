@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from traced_lines import trace_templates
+from usual_parameters import options_for
 
 from pipeline.detection import line_fit, line_profile
 from pipeline.detection.frame import Frame
@@ -16,7 +17,6 @@ from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking import bends
-from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.tracker import Tracker
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from left_face import DARK, scene_of_left_face
+from usual_parameters import options_for
 
 from pipeline.detection import neighbours
 from pipeline.detection.frame import Frame
@@ -16,7 +17,6 @@ from pipeline.detection.neighbours import fit_together
 from pipeline.detection.refinement import refine_held
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
-from pipeline.tracking.options import options_for
 
 N, FACE = 30, 20  # nodes; columns
 LIGHT, NOISE, SIGMA = 180.0, 2.0, 1.2

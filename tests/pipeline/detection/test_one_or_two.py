@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from left_face import DARK, scene_of_left_face
+from usual_parameters import options_for
 
 from pipeline.detection import new_lines
 from pipeline.detection.frame import Frame
@@ -10,7 +11,6 @@ from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.one_or_two import one_for_two
 from pipeline.session.recording import Recording
-from pipeline.tracking.options import options_for
 
 FACE, TIP, ROW = 20, 300, 60  # columns, row
 LIGHT, NOISE, SIGMA = 180.0, 2.0, 1.2

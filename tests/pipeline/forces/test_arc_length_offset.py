@@ -7,6 +7,7 @@ import pytest
 import traced_motion
 from line_ends import with_tip
 from scipy import sparse
+from usual_parameters import measure_stations
 
 from pipeline.forces import arc_length_offset, estimate_forces, forces
 from pipeline.forces.lasting_errors import LASTING_SHARE
@@ -31,9 +32,7 @@ def touching():
 def measured_again(traced, hidden):
     """Places and kinematics where the hidden length is taken to be `hidden` [m]."""
     whiskers = list(traced.whiskers.values())
-    return resampled.measure_stations(
-        traced.lines, traced.recording, whiskers, [hidden], traced.pole
-    )
+    return measure_stations(traced.lines, traced.recording, whiskers, [hidden], traced.pole)
 
 
 def force_errors(traced, evidence):

@@ -9,11 +9,12 @@ import pytest
 import traced_motion
 from line_ends import with_tip
 from measured_contacts import analyse_contacts
+from usual_parameters import measure_stations
 
 from pipeline.contacts import analysis
 from pipeline.contacts.summary import contact_table, peak_errors
 from pipeline.forces import estimate_forces, forces, rod_fit, whisker_rows
-from pipeline.kinematics import Kinematics, resampled
+from pipeline.kinematics import Kinematics
 from pipeline.reports.error_budget import taper_share
 from pipeline.run import contacts_of, forces_of
 from pipeline.session.parameters import DEFAULTS
@@ -106,7 +107,7 @@ def test_errors_that_run_along_the_line_widen_standard_errors(traced):
         knots = np.arange(0, n + 120, 120)
         off.append(np.interp(np.arange(n), knots, rng.normal(0, 0.3, len(knots))))
     (whisker,) = traced.whiskers.values()
-    places = resampled.measure_stations(
+    places = measure_stations(
         replace(lines, y_px=lines.y_px + np.concatenate(off).astype(np.float32)),
         traced.recording, [whisker], [traced_motion.HIDDEN], traced.pole,
     )  # fmt: skip
@@ -389,7 +390,7 @@ def test_peak_errors(traced, tables, monkeypatch):
             )
             for name, each in traced.whiskers.items()
         }
-        places = resampled.measure_stations(
+        places = measure_stations(
             traced.lines, recording, list(whiskers.values()), [traced_motion.HIDDEN], traced.pole
         )
         again = analyse_contacts(traced.frames, places, recording, whiskers)
@@ -445,7 +446,7 @@ def test_a_scale_that_is_wrong_moves_places_about_the_tip_where_that_is_seen(tra
 
     def found(scale):
         recording = Recording(1000.0, 25.0 * scale, "left")
-        places = resampled.measure_stations(
+        places = measure_stations(
             traced.lines, recording, [mouse_c2()], [traced_motion.HIDDEN], traced.pole
         )
         places = with_tip(places, mouse_c2(), traced_motion.TIP_UNSEEN)
@@ -466,7 +467,7 @@ def measured_with(traced, monkeypatch, hidden, se):
     origin = forces.arc_length_offset.Origin(np.zeros(n), np.full(n, se))
     for name in ("origin_from_tip", "origin_from_bending"):  # the rest shape as free frames show
         monkeypatch.setattr(forces.arc_length_offset, name, lambda *given: (origin, given[3]))
-    places = resampled.measure_stations(
+    places = measure_stations(
         traced.lines, RECORDING, list(traced.whiskers.values()), [hidden], traced.pole
     )
     return estimate_forces(traced.frames, places, traced.whiskers, AT)

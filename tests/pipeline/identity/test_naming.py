@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from usual_limits import USUAL
+from usual_parameters import options_for
 
 from pipeline.identity import appearance, label_swaps, motion_model
 from pipeline.identity.appearance import FanModel
@@ -21,7 +22,6 @@ from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.options import options_for
 
 pytestmark = pytest.mark.slow
 

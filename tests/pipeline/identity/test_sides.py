@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from usual_parameters import options_for
 
 from pipeline.identity.features import ANGLE
 from pipeline.identity.sides import Sides
@@ -9,7 +10,6 @@ from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.options import options_for
 
 OPTIONS = options_for(Recording(500.0, 16.0, "top"))
 RULER = Ruler.of("top", OPTIONS)

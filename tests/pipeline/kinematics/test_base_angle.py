@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter1d
+from usual_parameters import measure_stations
 
 from pipeline.kinematics import base_angle
 from pipeline.kinematics.base_angle import measure_base
-from pipeline.kinematics.resampled import measure_stations
 from pipeline.numerics.angles import continuous, jitter, wrap_angle
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording

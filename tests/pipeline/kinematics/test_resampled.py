@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from usual_parameters import measure_stations
 
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.kinematics import resampled
@@ -49,7 +50,7 @@ def arc(curvature, start=(60.0, 200.0), direction=0.2, points=400):
 
 
 def measure(lines, pole=None):
-    return resampled.measure_stations(lines, RECORDING, [mouse_c2()], [HIDDEN], pole)
+    return measure_stations(lines, RECORDING, [mouse_c2()], [HIDDEN], pole)
 
 
 @pytest.mark.parametrize("curvature", [0.002, -0.004])
@@ -147,7 +148,7 @@ def test_rows_of_one_whisker():
 
 def test_arguments_must_match_the_names():
     with pytest.raises(ValueError, match="one entry per name"):
-        resampled.measure_stations(lines_of(arc(0.001)), RECORDING, [], [HIDDEN])
+        measure_stations(lines_of(arc(0.001)), RECORDING, [], [HIDDEN])
 
 
 @pytest.mark.parametrize("hidden", [np.nan, np.inf, -np.inf, 1e300, -1e300])
@@ -162,5 +163,5 @@ def test_an_impossible_hidden_length_gives_no_places(hidden):
 def test_no_whisker_at_all():
     nothing = replace(lines_of(arc(0.002)), names=(), whisker=np.zeros(0, np.int32),
                       frame=np.zeros(0, np.int32), offsets=np.zeros(1, np.int64))  # fmt: skip
-    places = resampled.measure_stations(nothing, RECORDING, [], [])
+    places = measure_stations(nothing, RECORDING, [], [])
     assert places.x.shape == (0, N_STATIONS)

@@ -2,13 +2,13 @@ import cv2
 import numpy as np
 import pytest
 from contourpy import contour_generator
+from usual_parameters import options_for
 
 from pipeline.scene.background import estimate_background
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.face import SIDES, border, darkest_sides, find_face, thickening_towards
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
-from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from synthetic.fur import distance_from_pad, pad_centre
 from synthetic.presets import make_trial

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from dense_row import dense_row, whisker_at
+from usual_parameters import options_for
 
 from pipeline.detection import new_lines, ridges
 from pipeline.detection.image_model import lines_in_background
@@ -13,7 +14,6 @@ from pipeline.detection.static_scene import StaticScene
 from pipeline.numerics.angles import wrap_angle
 from pipeline.session.recording import Recording
 from pipeline.tracking import close_tracks, row_rotation
-from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.track_state import Track
 from pipeline.tracking.track_video import track

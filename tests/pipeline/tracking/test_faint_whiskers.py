@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from traced_lines import trace_templates
+from usual_parameters import options_for
 
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.static_scene import StaticScene
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
-from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 
 FACE, LENGTH, LIGHT, SIGMA = 40, 400, 200.0, 1.2  # px, px, grey, px

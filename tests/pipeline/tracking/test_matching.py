@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from usual_parameters import options_for
 
 from pipeline.session.recording import Recording
 from pipeline.tracking import matching
 from pipeline.tracking.matching import Ruler, match
-from pipeline.tracking.options import options_for
 
 OPTIONS = options_for(Recording(500.0, 8.0, "left"))
 RULER = Ruler.of("left", OPTIONS)

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from traced_lines import trace_templates
+from usual_parameters import options_for
 
 from pipeline.detection.line import Line
 from pipeline.scene.estimate import scene_from_frames
@@ -15,7 +16,6 @@ from pipeline.session.recording import Recording
 from pipeline.tracking import registry
 from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import (
     WhiskerTemplate,
     find_templates,

@@ -4,11 +4,11 @@ import functools
 
 import numpy as np
 import pytest
+from usual_parameters import options_for
 
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
-from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.stationary_whiskers import without_resting_whiskers
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from usual_parameters import options_for
 
 from pipeline.detection.line import Line
 from pipeline.run import analyse
@@ -14,7 +15,6 @@ from pipeline.session.session_file import read_session
 from pipeline.tables import Centrelines
 from pipeline.tracking import two_sides
 from pipeline.tracking.given_lengths import GivenLengths
-from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import WhiskerTemplate
 from synthetic.scoring import line_scoring
 from synthetic.session import render_session

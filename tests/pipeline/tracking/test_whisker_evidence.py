@@ -3,12 +3,12 @@
 import cv2
 import numpy as np
 import pytest
+from usual_parameters import options_for
 
 from pipeline.run import analyse
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
-from pipeline.tracking.options import options_for
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.whisker_evidence import whisker_like
 
