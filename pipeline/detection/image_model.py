@@ -83,10 +83,11 @@ class ImageModel:
         outside = signed_distance(scene.face_mask)
         bright = ~scene.face_mask & (background > 12) & (outside > -INTO_FACE_PX)
         usable = bright & ~scene.obstacle_mask
-        seen = usable | bright & translucent(background, variance, scene.obstacle_mask, params)
+        trembling = (params.trembling_px * gradient(background)) ** 2
+        through = translucent(background, variance, trembling, scene.obstacle_mask, params)
+        seen = usable | bright & through
         weight = np.where(seen, 1 / variance, 0).astype(np.float32)
-        trembling = params.trembling_px * gradient(background)
-        noise = np.sqrt(variance + trembling**2) / np.maximum(background, 12)
+        noise = np.sqrt(variance + trembling) / np.maximum(background, 12)
         kernel = np.ones((9, 9), np.uint8)
         free = cv2.erode(usable.astype(np.uint8), kernel).astype(bool)
         free_of_rims = (seen & ~rim(scene.obstacle_mask)).astype(np.uint8)
@@ -124,16 +125,16 @@ def _clear_of_pole(off_edges, pole, edge_px) -> None:
         cv2.circle(off_edges, (int(x), int(y)), about, float(edge_px), cv2.FILLED)
 
 
-def translucent(background, variance, obstacles, params) -> np.ndarray:
+def translucent(background, variance, trembling, obstacles, params) -> np.ndarray:
     """Pixels of obstacles that let light through: out-of-focus rods, not the rims of others.
 
-    There it is bright, and so far from edges that their trembling does not outdo the noise.
+    There it is bright, and so far from edges that their `trembling`, a variance, too, does not
+    outdo the noise.
     """
     few = background[::4, ::4]
     few = few[few > 0]  # not what is outside of [image] region_px and mask
     bright = background > TRANSLUCENT * (np.percentile(few, 90) if len(few) else 0)
-    trembling = params.trembling_px * gradient(background)
-    through = obstacles & bright & (trembling**2 < variance)
+    through = obstacles & bright & (trembling < variance)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, 2 * [max(round(params.rim_px), 1)])
     return cv2.morphologyEx(through.astype(np.uint8), cv2.MORPH_OPEN, disc).astype(bool)
 

@@ -25,7 +25,8 @@ def dilated(mask, radius):
 
 def opened(mask, radius):
     """What discs of this radius [px] cover that lie within the mask."""
-    return dilated(_inside(mask) > radius, radius)
+    centres = _inside(mask) > radius
+    return dilated(centres, radius) if centres.any() else centres
 
 
 def opened_beyond_border(mask, thinnest_px):
