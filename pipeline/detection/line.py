@@ -106,12 +106,14 @@ class Line:
     Its rows are the arrays of `Nodes`, which are attributes of the line as well; handing one array
     over to compiled code takes a tenth of the time of seven. `information` and `score` are those
     of the offset at the final nodes (line_profile.py); `thickness` is the absorbance integrated
-    across the line [px], NaN where unknown.
+    across the line [px], NaN where unknown; `end` what `line_end.end_thickness` returns, None
+    where that is not measured.
     """
 
     values: np.ndarray
     n: int = 0
     quality: float = 0.0
+    end: np.ndarray | None = None
 
     def __post_init__(self):
         (

@@ -45,8 +45,9 @@ def _distance(x, y, line_x, line_y, n):
     """Distance of a point from the nodes of a line's nearer half [px]."""
     least = np.inf
     for i in range(n // 2 + 1):
-        least = min(least, np.hypot(x - line_x[i], y - line_y[i]))
-    return least
+        dx, dy = x - line_x[i], y - line_y[i]
+        least = min(least, dx * dx + dy * dy)
+    return np.sqrt(least)
 
 
 @njit(cache=True)

@@ -15,9 +15,12 @@ DOUBLE_SHARE = 0.6  # part of two lines that may coincide before one of them is 
 KEPT = 0.95  # part of two lines that must still be found when they have exchanged far parts
 
 
-def drop_doubles(tracks: list[Track], near_px: float, follower: Follower) -> None:
-    """Of two tracks on one whisker, give up the one that fits worse."""
-    for a, b in near_pairs(seen(tracks), near_px):
+def drop_doubles(tracks: list[Track], near, near_px: float, follower: Follower) -> None:
+    """Of two tracks on one whisker, give up the one that fits worse.
+
+    near : (tracks, tracks) bool, symmetric: which may be on one
+    """
+    for a, b in _pairs(tracks, near):
         if a.line is None or b.line is None:
             continue
         both = (a.line, b.line), (b.line, a.line)
@@ -28,6 +31,8 @@ def drop_doubles(tracks: list[Track], near_px: float, follower: Follower) -> Non
 def drop_ghosts(tracks: list[Track], established: int, params) -> None:
     """Give up what is another whisker's blur; a line of `established` frames is none."""
     tracks = seen(tracks)
+    if all(track.age >= established for track in tracks):
+        return
     near = polyline.near_pairs([t.line for t in tracks], line_choice.ghost_reach(params))
     for track, beside in zip(tracks, near, strict=True):
         if track.age < established:
@@ -77,7 +82,7 @@ def reassign_lines(tracks: list[Track]) -> None:
 
 def merge(tracks: list[Track], near_px: float, frame: Frame, follower: Follower) -> None:
     """Let one line stand for two that run together, where it explains as much."""
-    near = near_pairs(tracks, near_px, polyline.FINE)
+    near = _pairs(tracks, polyline.near_pairs([t.line for t in tracks], near_px, polyline.FINE))
     if near:
         frame.model.held.hold([t.line for t in tracks])
     for a, b in near:
@@ -101,17 +106,14 @@ def _merge_two(faint, other, frame) -> None:
             held.put_in(track.line)
 
 
-def near_pairs(tracks, near_px, every=polyline.COARSE) -> list[tuple[Track, Track]]:
-    """Pairs of tracks whose lines come within `near_px` of each other."""
-    if len(tracks) < 2:
-        return []
-    near = polyline.near_pairs([t.line for t in tracks], near_px, every)
-    return [(tracks[i], tracks[j]) for i, j in np.argwhere(np.triu(near))]
-
-
 def seen(tracks: list[Track]) -> list[Track]:
     """Those of some tracks that have a line."""
     return [track for track in tracks if track.line is not None]
+
+
+def _pairs(tracks, near) -> list[tuple[Track, Track]]:
+    """Pairs of tracks, of a symmetric (tracks, tracks) bool."""
+    return [(tracks[i], tracks[j]) for i, j in zip(*np.nonzero(near), strict=True) if i < j]
 
 
 def _run_together(faint, other) -> bool:

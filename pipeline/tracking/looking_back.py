@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.detection import line_choice
 from pipeline.detection.line import Line
+from pipeline.detection.line_end import end_thickness
 from pipeline.tracking import row_rotation
 from pipeline.tracking.close_tracks import DOUBLE_SHARE
 
@@ -40,8 +41,9 @@ class RecentFrames:
         """Note the frame that the tracker has just gone through; hand on those of long ago."""
         tracker = self.tracker
         lines = {t.number: t.line for t in tracker.tracks}
-        short = {number: line.shortened() for number, line in lines.items()}
-        self.frames.append(TrackedFrame(image, tracker.gain, trust, short))
+        picture = tracker.model.picture(image, tracker.gain)
+        kept = {number: self._kept(line, picture) for number, line in lines.items()}
+        self.frames.append(TrackedFrame(image, tracker.gain, trust, kept))
         self._follow_back(lines)
         yield from self.hand_on(tracker.looks_back)
 
@@ -82,11 +84,18 @@ class RecentFrames:
             return None
         met = [other for other in lines if _share(line, lines[other]) > APART]
         if not met:
-            lines[number] = line.shortened()
+            lines[number] = self._kept(line, frame.picture)
             return line
         if len(met) == 1 and met[0] not in later.lines and _is_same(line, lines[met[0]]):
             self._go_on_as(number, met[0])
         return None
+
+    def _kept(self, line, picture) -> Line:
+        """A copy of a line to hand on; its end is measured while its pixels are in the cache."""
+        kept = line.shortened()
+        if self.tracker.options.ends:
+            kept.end = end_thickness(picture, line.values, line.n)
+        return kept
 
     def _go_on_as(self, number, before) -> None:
         """Let a track go on under the number of the one that ended where it begins."""

@@ -25,6 +25,8 @@ class Rows:
         """
         for track in tracks:
             track.turn = (0.0, 0.0)
+        if len(tracks) < FEWEST_IN_ROW:
+            return
         for row in self._of([track.line for track in tracks]):
             if len(row) >= FEWEST_IN_ROW:
                 self._predict_row([tracks[k] for k in row], picture)

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from pipeline.detection.line import Line
-from pipeline.detection.line_end import PLACES_PX, end_thickness
+from pipeline.detection.line_end import PLACES_PX
 from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.scene.epochs import as_epochs
@@ -33,11 +33,8 @@ class _Collector:
         self.points = np.empty((5, 1 << 16), np.float32)  # x, y, offset, information, thickness
         self.filled = 0
 
-    def add(self, frame: int, whisker: int, line: Line, trust: float, end=UNSEEN) -> None:
-        """Add a line; its confidence is its quality times `trust` in its name (0–1).
-
-        end : as in `end_thickness`
-        """
+    def add(self, frame: int, whisker: int, line: Line, trust: float) -> None:
+        """Add a line; its confidence is its quality times `trust` in its name (0–1)."""
         while self.filled + line.n > self.points.shape[1]:
             self.points = np.concatenate([self.points, np.empty_like(self.points)], axis=1)
         _store(
@@ -45,6 +42,7 @@ class _Collector:
             self.points, self.filled,
         )  # fmt: skip
         self.filled += line.n
+        end = UNSEEN if line.end is None else line.end
         self.rows.append((frame, whisker, trust * line.quality, line.n, end))
 
     def take(self, spacing: float) -> Centrelines:
@@ -113,10 +111,8 @@ def _followed(frames, scenes, tracker, chunk_frames) -> Iterator[Centrelines]:
     spacing = tracker.options.spacing_px
     index = -1
     for index, seen in enumerate(_tracked(frames, scenes, tracker)):
-        picture = tracker.model.picture(seen.image, seen.gain)
         for number, line in seen.lines.items():
-            end = end_thickness(picture, line.values, line.n) if tracker.options.ends else UNSEEN
-            collector.add(index, number, line, seen.trust, end)
+            collector.add(index, number, line, seen.trust)
         if (index + 1) % chunk_frames == 0:
             yield collector.take(spacing)
     if collector.rows or index < 0:

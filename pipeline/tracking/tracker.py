@@ -97,7 +97,6 @@ class Tracker:
         on by a whisker.
         """
         for image in (*frames, *frames[-2:0:-1]):
-            self.unchanged = 0  # every frame is searched
             self.step(image)
         second = {t.number: t.line.copy() for t in self.tracks}
         self.step(frames[0])
@@ -153,11 +152,11 @@ class Tracker:
                 held.put_in(lines[k])
         # again beside those whose lines are known now, where their pixels are shared
         sharing = polyline.near_pairs(lines, self.shared_px, polyline.FINE)
-        for k in np.flatnonzero(sharing.any(axis=1)):
-            held.put_in(lines[k])
-        neighbours.fit_together(lines, sharing, lambda k: self._fit_again(tracks[k], frame))
-        close_tracks.drop_doubles(tracks, self.same_px, self.follower)
         if sharing.any():
+            for k in np.flatnonzero(sharing.any(axis=1)):
+                held.put_in(lines[k])
+            neighbours.fit_together(lines, sharing, lambda k: self._fit_again(tracks[k], frame))
+            close_tracks.drop_doubles(tracks, sharing, self.same_px, self.follower)
             close_tracks.uncross(tracks, frame, self.follower)
         close_tracks.drop_ghosts(tracks, self.established, self.options.params.detection)
 
