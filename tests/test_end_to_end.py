@@ -237,11 +237,17 @@ def test_init_then_run(rendered, video, tmp_path, capsys):
     assert "--overwrite" in said
     assert "1 whisker (C2)" in said
     assert (folder / "session.toml").read_text("utf-8") == corrected
-    assert cv2.imread(str(folder / "session_preview.png")) is not None
+    preview = folder / "session_preview.png"
+    assert cv2.imread(str(preview)) is not None
+    preview.write_bytes(preview.read_bytes() + b"a person's arrow")
     assert exit_code("init", folder, "--overwrite") == 0
     assert (folder / "session.toml").read_text("utf-8") == text
     assert (folder / "session.toml.old").read_text("utf-8") == corrected
-    assert "session.toml.old" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "session.toml.old" in said
+    assert f"it is kept as {preview}.old" in said
+    kept = preview.with_name(f"{preview.name}.old")
+    assert kept.read_bytes().endswith(b"a person's arrow")
 
 
 def test_demo_prints_contacts_beside_the_truth(rendered, tmp_path, monkeypatch):

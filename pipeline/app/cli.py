@@ -235,8 +235,8 @@ def curate(
     try:
         write_fig3(results, damaged=damaged)
     finally:
-        write_report(results, damaged)
-    for line in server.results.kept:
+        kept = write_report(results, damaged)
+    for line in (*server.results.kept, *kept):
         say(line)
     for video, fault in server.results.faults.items():
         say(

@@ -87,8 +87,8 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     document["whisker"] = [{"name": name} for name in preview.names]
     settings = settings_from(document, target)
     old = whole_files.replace_text(target, session_text(settings, notes))
-    write_preview(folder / PREVIEW_NAME, preview)
     kept = [f"the earlier settings are kept as {old}"] if old else []
+    kept += write_preview(folder / PREVIEW_NAME, preview)
     return [*_words(looks, preview, target), *kept]
 
 
@@ -96,12 +96,13 @@ def _show(folder, session, say) -> list[str]:
     """Show what is found with a session.toml that a person may have corrected."""
     settings = read_session(session)
     (preview,) = _look_at_some(folder, lambda path: preview_of(path, settings), say, 1)
-    write_preview(folder / PREVIEW_NAME, preview)
+    kept = write_preview(folder / PREVIEW_NAME, preview)
     return [
         f"{session} is kept (--overwrite writes a new {folder / SETTINGS_NAME})",
         f"looked at {preview.path.name} with these settings",
         *preview.words(),
         f"wrote {folder / PREVIEW_NAME}",
+        *kept,
     ]
 
 

@@ -156,9 +156,9 @@ def _lines_by_frame(chunk):
 # ---- the picture --------------------------------------------------------------------------
 
 
-def write_preview(path, preview: Preview) -> None:
-    """Draw the preview and write it as PNG, as of `overlay.write_png`."""
-    write_png(path, draw(preview))
+def write_preview(path, preview: Preview) -> list[str]:
+    """Draw the preview and write it as PNG; as `overlay.write_png`."""
+    return write_png(path, draw(preview))
 
 
 def draw(preview: Preview) -> np.ndarray:

@@ -114,13 +114,16 @@ def _run_record(summary, jobs, session) -> dict:
 
 
 def with_pictures(summary, due, shown, log):
-    """Make figures and report that show what the tables hold; the `Summary` with what failed."""
+    """Make figures and report that show what the tables hold.
+
+    The `Summary` with what failed, and with pages that a person had changed, which are kept.
+    """
     if not due and is_drawn(summary.out):
         return summary
-    problems = tuple(_write_pictures(summary, shown, log))
-    if not problems:
+    failed, kept = _write_pictures(summary, shown, log)
+    if not failed:
         _mark_drawn(summary.out)
-    return replace(summary, problems=(*summary.problems, *problems))
+    return replace(summary, problems=(*summary.problems, *failed, *kept))
 
 
 def is_drawn(out) -> bool:
@@ -144,12 +147,20 @@ def _digest(out) -> str:
 
 
 def _write_pictures(summary, shown, log):
-    """Figures and report from the tables; a fault there leaves the tables as they are."""
+    """Figures and report from the tables; a fault there leaves the tables as they are.
+
+    Returns sentences on what failed, and on pages that are kept.
+    """
     from pipeline.reports import figures, report
 
+    failed, kept = [], []
     if not any(each.frames for each in summary.outcomes):
-        return
-    for what, write in (("figures", figures.write_fig3), ("report", report.write_report)):
+        return failed, kept
+    makers = {
+        "figures": figures.write_fig3,
+        "report": lambda out: kept.extend(report.write_report(out)),
+    }
+    for what, write in makers.items():
         interrupts.check()
         shown.doing(what)
         log.write(f"{what}: started")
@@ -159,6 +170,8 @@ def _write_pictures(summary, shown, log):
             log.write(traceback.format_exc())
             if isinstance(error, (OSError, InputError)):
                 reason = with_advice(error) if isinstance(error, OSError) else error
-                yield f"the {what} could not be made: {reason}"
+                failed.append(f"the {what} could not be made: {reason}")
             else:
-                yield f"the {what} could not be made ({type(error).__name__}: {in_words(error)})"
+                fault = f"{type(error).__name__}: {in_words(error)}"
+                failed.append(f"the {what} could not be made ({fault})")
+    return failed, kept

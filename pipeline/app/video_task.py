@@ -133,16 +133,19 @@ def has_overlay(folder) -> bool:
 
 
 def _with_overlay(task, outcome, folder, report=None) -> Outcome:
-    """Draw the overlay of the results in `folder`; a fault there leaves the tables as they are."""
+    """Draw the overlay of the results in `folder`; a fault there leaves the tables as they are.
+
+    An overlay that a person has changed is kept, and said.
+    """
     from pipeline.reports.overlay import write_overlay
 
     say = report or (lambda step: None)
     try:
-        write_overlay(task.path, folder, task.settings, lambda *done: say(Step("overlay", *done)))
+        drawn = task.path, folder, task.settings, lambda *done: say(Step("overlay", *done))
+        return warned(outcome, *write_overlay(*drawn))
     except Exception as error:
         reason = f"{type(error).__name__}: {in_words(error)}"
         return warned(outcome, f"the overlay could not be drawn ({reason}); all tables are there")
-    return outcome
 
 
 def warned(outcome, *messages) -> Outcome:

@@ -24,8 +24,12 @@ STILL_PX = 640  # width as drawn
 NO_MORE = np.inf, {}  # frame number and lines, after the last frame that has any
 
 
-def write_overlay(video_path, folder, settings: Settings | None = None, progress=None) -> Path:
-    """Write overlay.mp4 (overlay.png for a single frame) into a video's results folder.
+def write_overlay(
+    video_path, folder, settings: Settings | None = None, progress=None
+) -> list[str]:
+    """Write overlay.mp4 into a video's results folder.
+
+    overlay.avi (MJPG) where this machine cannot encode H.264; overlay.png for a single frame.
 
     Parameters
     ----------
@@ -36,7 +40,7 @@ def write_overlay(video_path, folder, settings: Settings | None = None, progress
 
     Returns
     -------
-    Path of the file written; overlay.avi (MJPG) where this machine cannot encode H.264.
+    A sentence on the file that was there, if a person had changed it, and which is kept.
     """
     folder = Path(folder)
     settings = settings or read_session(folder / "session.toml")
@@ -97,14 +101,16 @@ def _by_frame(chunks):
         yield frame, {name: points for _, name, points in group}
 
 
-def write_png(path, picture) -> Path:
-    """Write a picture (BGR) whole or not at all; one that a person has changed is kept."""
-    replace_own(path, lambda new: new.write_bytes(cv2.imencode(".png", picture)[1]))
-    return path
+def write_png(path, picture) -> list[str]:
+    """Write a picture (BGR) whole or not at all.
+
+    One that a person has changed is kept; returns what `keep_changed` does.
+    """
+    return replace_own(path, lambda new: new.write_bytes(cv2.imencode(".png", picture)[1]))
 
 
-def _write_video(folder, pictures) -> Path:
-    """Encode BGR pictures as H.264, or MJPG where there is no such encoder."""
+def _write_video(folder, pictures) -> list[str]:
+    """Encode BGR pictures as H.264, or MJPG where there is no such encoder; as `write_png`."""
     import av
 
     try:
@@ -127,8 +133,7 @@ def _write_video(folder, pictures) -> Path:
                 container.mux(stream.encode(frame))
             container.mux(stream.encode(None))
 
-    replace_own(path, encode)
-    return path
+    return replace_own(path, encode)
 
 
 def stills(results_folder, video_path, frames, settings: Settings, whole=False) -> list:

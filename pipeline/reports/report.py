@@ -50,11 +50,12 @@ COMMON_NAMES = {"videos", "video", "movies", "films", "raw", "data", "results", 
 TABLES = ("contacts.csv", "videos.csv", "session.toml", "run.json", "run.log")
 
 
-def write_report(results, damaged=None) -> Path:
-    """Write report.html into a results folder, from its tables and figures; return its path.
+def write_report(results, damaged=None) -> list[str]:
+    """Write report.html into a results folder, from its tables and figures.
 
     The time courses of each video are in figures/courses/<video>.html. `damaged` are the
-    `damaged_videos`, where they are known.
+    `damaged_videos`, where they are known. Returns a sentence on each page that a person had
+    changed, and which is kept.
     """
     results = Path(results)
     damaged = damaged_videos(results) if damaged is None else damaged
@@ -76,7 +77,7 @@ def write_report(results, damaged=None) -> Path:
         has_contacts=len(contacts) > 0,
         **_making(results, record),
     )
-    return _write_page(results / "report.html", page)
+    return [*seen["kept"], *_write_page(results / "report.html", page)]
 
 
 def _as_failed(videos, damaged) -> pd.DataFrame:
@@ -87,10 +88,9 @@ def _as_failed(videos, damaged) -> pd.DataFrame:
     return videos
 
 
-def _write_page(path, page) -> Path:
-    """Write a page; one that a person has changed is kept."""
-    replace_own(path, lambda new: new.write_text(page, encoding="utf-8"))
-    return path
+def _write_page(path, page) -> list[str]:
+    """Write a page; one that a person has changed is kept, and said."""
+    return replace_own(path, lambda new: new.write_text(page, encoding="utf-8"))
 
 
 @functools.cache
@@ -199,8 +199,11 @@ def _whiskers(results, contacts) -> dict:
 
 
 def _look_through(results, videos, contacts) -> dict:
-    """Read the frames of each video once: its row of the table, time courses, mean force."""
-    average, stacks, rows = OnsetAverage(), [], []
+    """Read the frames of each video once: its row of the table, time courses, mean force.
+
+    `kept` are sentences on pages of time courses that a person had changed.
+    """
+    average, stacks, rows, kept = OnsetAverage(), [], [], []
     groups = dict(list(contacts.groupby("video")))
     for row in videos.to_dict("records"):
         own = groups.get(row["video"], contacts.iloc[:0])
@@ -209,14 +212,16 @@ def _look_through(results, videos, contacts) -> dict:
         rows.append(_video_row(results, row, frames, own))
         if shown:
             average.add(frames, own)
-            stack = _write_courses(results, row["video"], frames, own)
+            stack, said = _write_courses(results, row["video"], frames, own)
             stacks += [stack] if len(stacks) < STACKS else []
+            kept += said
     figure = average.draw()
     return {
         "videos": rows,
         "stacks": stacks,
         "stacked_of": sum(bool(row["courses"]) for row in rows),
         "onset_average": None if figure is None else plots.svg(figure),
+        "kept": kept,
     }
 
 
@@ -247,14 +252,17 @@ def _overlay(results, video) -> str:
     return f"{video}/{found[0].name}" if found else ""
 
 
-def _write_courses(results, video, frames, contacts) -> Courses:
-    """Write the page of a video's time courses; return what the report shows of them."""
+def _write_courses(results, video, frames, contacts) -> tuple[Courses, list[str]]:
+    """Write the page of a video's time courses; return what the report shows of them.
+
+    And sentences, as of `_write_page`.
+    """
     overlay = _overlay(results, video)
     (results / COURSES_FOLDER).mkdir(parents=True, exist_ok=True)
     there = time_courses(frames, contacts, video, overlay and f"../../{overlay}")
     page = _template("courses.html").render(courses=there, contacts=contacts.to_dict("records"))
-    _write_page(results / COURSES_FOLDER / f"{video}.html", page)
-    return time_courses(frames, contacts, video, overlay)
+    kept = _write_page(results / COURSES_FOLDER / f"{video}.html", page)
+    return time_courses(frames, contacts, video, overlay), kept
 
 
 # --- pictures and flags --------------------------------------------------------------------

@@ -28,6 +28,7 @@ from pipeline.app import batch, cli, earlier_results, outcome, terminal, video_t
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import MADE_WITH, corrections_digest, save_contacts
 from pipeline.errors import InputError
+from pipeline.reports.report import write_report
 from pipeline.runtime import Progress, Step
 from pipeline.runtime.compiling import compile_times
 from pipeline.runtime.folder_lock import LOCK_FILE, locked
@@ -82,7 +83,7 @@ def calls(monkeypatch):
 
     monkeypatch.setattr(pipeline.run, "analyse", analyse)
     monkeypatch.setattr(pipeline.reports.figures, "write_fig3", lambda out: None)
-    monkeypatch.setattr(pipeline.reports.report, "write_report", lambda out: None)
+    monkeypatch.setattr(pipeline.reports.report, "write_report", lambda out: [])
     return calls
 
 
@@ -273,6 +274,41 @@ def test_a_videos_table_that_a_person_has_changed_is_kept_and_said(folder, calls
     assert path.with_name(f"{name}.old").read_bytes() == written + b"# my notes\n"
     assert path.read_bytes() == written
     assert not any(each.message for each in batch.run([folder], out).outcomes)
+
+
+def test_a_report_that_a_person_has_changed_is_kept_and_said(folder, calls, tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline.reports.report, "write_report", write_report)
+    out = tmp_path / "results"
+    pages = out / "report.html", out / "figures" / "courses" / "a.html"
+    assert not batch.run([folder], out).problems
+    for page in pages:
+        page.write_text(page.read_text("utf-8") + "my notes\n", "utf-8")
+    said = batch.run([folder], out, overwrite=True).problems
+    assert sorted(said) == sorted(
+        f"{page} was changed since whiskerforce wrote it: it is kept as {page}.old; take from "
+        "there what you need" for page in pages
+    )  # fmt: skip
+    assert all(Path(f"{page}.old").read_text("utf-8").endswith("my notes\n") for page in pages)
+    assert not batch.run([folder], out, overwrite=True).problems
+
+
+def test_an_overlay_that_a_person_has_changed_is_kept_and_said(
+    folder, calls, tmp_path, monkeypatch
+):
+    import pipeline.reports.overlay
+
+    def write_overlay(path, folder, settings, progress):
+        return own_files.replace_own(folder / "overlay.png", lambda new: new.write_text("drawn"))
+
+    monkeypatch.setattr(pipeline.reports.overlay, "write_overlay", write_overlay)
+    out = tmp_path / "results"
+    batch.run([folder], out, overlay=True)
+    drawn = out / "a" / "overlay.png"
+    drawn.write_text("a person's arrows")
+    os.utime(drawn, ns=(0, 0))  # as if it were older than the tables
+    said = batch.run([folder], out, overlay=True).outcomes[0].message
+    assert said.startswith(f"{drawn} was changed since whiskerforce wrote it: it is kept as")
+    assert drawn.with_name("overlay.png.old").read_text() == "a person's arrows"
 
 
 def test_of_results_copied_without_hidden_files_only_edited_tables_are_kept(
@@ -629,6 +665,7 @@ def test_figures_and_report_are_made_anew_only_where_tables_have_changed(
     def write(results):
         drawn.append("report")
         (results / "report.html").touch()
+        return []
 
     monkeypatch.setattr(pipeline.reports.figures, "write_fig3", draw)
     monkeypatch.setattr(pipeline.reports.report, "write_report", write)
@@ -1029,6 +1066,7 @@ def test_overlay_alone_does_not_analyse_again(folder, calls, tmp_path, monkeypat
     def write_overlay(path, folder, settings, progress):
         drawn.append(path.name)
         (folder / "overlay.mp4").touch()
+        return []
 
     monkeypatch.setattr(pipeline.reports.overlay, "write_overlay", write_overlay)
     out = tmp_path / "results"
@@ -1047,6 +1085,7 @@ def test_a_fault_of_the_overlay_costs_no_table(folder, calls, tmp_path, monkeypa
         if path.name == "a.avi":
             raise OSError("disk full")
         (folder / "overlay.mp4").touch()
+        return []
 
     monkeypatch.setattr(pipeline.reports.overlay, "write_overlay", write_overlay)
     out = tmp_path / "results"

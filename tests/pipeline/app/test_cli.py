@@ -249,7 +249,7 @@ def test_curate_gets_the_name_of_the_curator_and_says_which_tables_lack_correcti
 
     monkeypatch.setattr(curate, "curate", open_page)
     for module, name in ((figures, "write_fig3"), (report, "write_report")):
-        monkeypatch.setattr(module, name, lambda results, damaged: None)
+        monkeypatch.setattr(module, name, lambda results, damaged: ["report.html was changed"])
     assert exit_code("curate", tmp_path, "--name", "Ada", "--no-browser") == 0
     assert str(tmp_path / "report.html") in capsys.readouterr().out
     assert (called[0]["name"], called[0]["open_browser"]) == ("Ada", False)
@@ -258,6 +258,7 @@ def test_curate_gets_the_name_of_the_curator_and_says_which_tables_lack_correcti
     assert exit_code("curate", tmp_path, "--no-browser") == 1
     said = capsys.readouterr().out
     assert "contacts.csv was changed" in said
+    assert "report.html was changed" in said
     assert f"{tmp_path / 'trial'}: its corrections are saved, but its tables do not" in said
     assert "follow from the corrections:" not in said
 

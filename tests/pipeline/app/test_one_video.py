@@ -26,7 +26,7 @@ def videos(tmp_path, monkeypatch):
     """A folder of "videos", two of one name, one that is damaged, and one that hits a bug."""
     monkeypatch.setattr(pipeline.run, "analyse", quick_analyse)
     monkeypatch.setattr(pipeline.reports.figures, "write_fig3", lambda out: None)
-    monkeypatch.setattr(pipeline.reports.report, "write_report", lambda out: None)
+    monkeypatch.setattr(pipeline.reports.report, "write_report", lambda out: [])
     folder = tmp_path / "videos"
     for name, content in VIDEOS.items():
         path = folder / name

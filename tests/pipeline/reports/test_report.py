@@ -18,6 +18,12 @@ from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS, DECISION_COLUMNS, VIDEO_COLUMNS, as_table
 
 
+def page_of(results) -> str:
+    """The text of the report that is written into a results folder."""
+    assert not report.write_report(results)  # nothing that a person has changed
+    return (results / "report.html").read_text("utf-8")
+
+
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
     """A results folder with figures and report, to be read."""
@@ -66,7 +72,7 @@ def test_messages_of_few_videos_are_all_seen_at_once(tmp_path, page, monkeypatch
     assert '<div class="tall">' not in page
     monkeypatch.setattr(report, "STACKS", 0)
     results = make_results(tmp_path / "results")
-    assert '<div class="tall">' in report.write_report(results).read_text("utf-8")
+    assert '<div class="tall">' in page_of(results)
 
 
 def test_the_main_doubts_come_first(tmp_path):
@@ -74,7 +80,7 @@ def test_the_main_doubts_come_first(tmp_path):
     videos = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
     row = videos.iloc[:1].assign(message="names (of C1; C2) are in doubt; no forces: no length_mm")
     files.write_csv(results / "videos.csv", pd.concat([row] * 5), VIDEO_COLUMNS)
-    page = report.write_report(results).read_text("utf-8")
+    page = page_of(results)
     head = page[: page.index("<h2")]
     assert head.count("names (of C1; C2) are in doubt.") == report.DOUBTS
     assert "no forces" not in head
@@ -87,7 +93,7 @@ def test_what_is_decided_by_hand_is_said(tmp_path, page):
     decided = as_table(pd.DataFrame([row]), DECISION_COLUMNS)
     files.write_csv(results / "decisions.csv", decided, DECISION_COLUMNS)
     said = "Decided by hand: 1 contact in one"
-    assert said in report.write_report(results).read_text("utf-8")
+    assert said in page_of(results)
     assert said not in page
 
 
@@ -98,7 +104,7 @@ def test_what_failed_comes_before_what_is_doubtful(tmp_path):
     files.write_csv(
         results / "videos.csv", pd.concat([*[doubtful] * report.DOUBTS, failed]), VIDEO_COLUMNS
     )
-    page = report.write_report(results).read_text("utf-8")
+    page = page_of(results)
     head = page[: page.index("<h2")]
     assert head.index("broken") < head.index("no pole")
 
@@ -116,7 +122,7 @@ def test_numbers_figure_flags_settings_and_version(page):
 
 def test_without_contacts_and_figures(tmp_path):
     results = make_results(tmp_path / "results", ())
-    page = report.write_report(results).read_text("utf-8")
+    page = page_of(results)
     assert ">one<" in page
     assert "Which contacts ring?" not in page
     assert ">Contacts<" not in page
@@ -138,7 +144,7 @@ def test_without_contacts_the_traced_frames_are_shown(tmp_path, monkeypatch):
 
     monkeypatch.setattr(overlay, "stills", stills)
     figures.write_fig3(results)
-    page = report.write_report(results).read_text("utf-8")
+    page = page_of(results)
     assert asked[0] == ("one", [51], True)  # in 50 nothing is tracked
     assert "one, frame 51: 2 whiskers traced<" in page
     assert "No contact was found. Blue: a whisker; grey, dashed: not sure" in page
@@ -154,7 +160,7 @@ def test_pictures_are_of_the_contacts(tmp_path, monkeypatch):
         return [np.zeros((20, 30, 3), np.uint8) for _ in frames]
 
     monkeypatch.setattr(overlay, "stills", stills)
-    page = report.write_report(make_results(tmp_path / "results")).read_text("utf-8")
+    page = page_of(make_results(tmp_path / "results"))
     assert asked == [("one", 35), ("one", 70), ("two", 50)]  # each video is opened once
     assert page.count("data:image/jpeg") == len(CONTACTS)
     captions = dict.fromkeys(re.findall(r"(one|two), frame (\d+):", page))
@@ -168,7 +174,7 @@ def test_no_picture_is_of_another_video_of_that_name(tmp_path, monkeypatch):
 
     monkeypatch.setattr(stills, "check_video", is_another)
     monkeypatch.setattr(overlay, "stills", lambda *_: [np.zeros((20, 30, 3), np.uint8)])
-    page = report.write_report(make_results(tmp_path / "results")).read_text("utf-8")
+    page = page_of(make_results(tmp_path / "results"))
     assert "data:image/jpeg" not in page
 
 
@@ -183,7 +189,7 @@ def test_videos_that_are_gone_leave_no_gap(page):
 def test_budget_is_on_the_page(tmp_path):
     contacts = [{**c, "radius_uN_per_percent": 0.04 * c["peak_force_uN"]} for c in CONTACTS]
     results = make_results(tmp_path / "r", contacts)
-    page = report.write_report(results).read_text("utf-8")
+    page = page_of(results)
     row = re.search(r"base radius</span>.*", page).group()
     assert "assumed" in row
     assert ">1 %<" in row
@@ -197,7 +203,7 @@ def test_no_budget_without_dimensions(tmp_path):
     bare = settings_from({"recording": recording, "whisker": [{"name": "C2"}]})
     for name in ("one", "two"):
         write_session(results / name / "session.toml", bare)
-    page = report.write_report(results).read_text("utf-8")
+    page = page_of(results)
     assert "No contact has a force: for that" in page
     assert "base radius" not in page
     assert "nan" not in re.sub(r"data:[^\"]*", "", page)
@@ -209,7 +215,7 @@ def test_no_budget_without_dimensions(tmp_path):
 def test_contacts_per_trial(page, tmp_path):
     assert "1.5 contacts a video on average, from 1 to 2." in page
     results = make_results(tmp_path / "r", CONTACTS[:2])
-    other = report.write_report(results).read_text("utf-8")
+    other = page_of(results)
     assert "1 contacts a video on average, from 0 to 2;\n1 without any." in other
 
 
@@ -220,7 +226,7 @@ def test_ringing_contacts_are_counted_and_named(tmp_path):
         contact("two", 1, 30, 5, 30.0, vibration_ratio=0.4),
         contact("two", 2, 60, 5, 30.0, vibration_ratio=np.nan),
     ]
-    page = report.write_report(make_results(tmp_path / "r", contacts)).read_text("utf-8")
+    page = page_of(make_results(tmp_path / "r", contacts))
     text = " ".join(page.split())
     assert "the largest steady one in 1 of 3 contacts: they ring." in text
     assert "In 1 more it is more than a tenth" in text
@@ -247,7 +253,7 @@ def test_flags_lead_to_stills_of_bounded_number(tmp_path, monkeypatch):
     picture = np.zeros((20, 30, 3), np.uint8)
     monkeypatch.setattr(overlay, "stills", lambda *a: [picture] * len(a[2]))
     contacts = [contact("one", n, 3 * n, 2, 5.0, flags=f"flag_{n % 6}; all") for n in range(1, 36)]
-    page = report.write_report(make_results(tmp_path / "r", contacts)).read_text("utf-8")
+    page = page_of(make_results(tmp_path / "r", contacts))
     links = re.findall(r'href="#(contact-[^"]*)"', page)
     ids = re.findall(r' id="(contact-[^"]*)"', page)
     assert len(links) > report.STILLS

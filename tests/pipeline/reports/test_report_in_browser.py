@@ -58,7 +58,8 @@ def page(tmp_path_factory):
         picture = np.full((516, 640, 3), 120, np.uint8)
         patch.setattr(overlay, "stills", lambda *a: [picture] * len(a[2]))
         figures.write_fig3(results)
-        return report.write_report(results)
+        report.write_report(results)
+    return results / "report.html"
 
 
 @pytest.mark.parametrize("width", WIDTHS)
