@@ -85,7 +85,7 @@ class Desk(View):
     def _move(self, **edge):
         item = self._need_current()
         if not item.is_contact:
-            raise EditError("that is no contact yet; c makes it one")
+            raise EditError(f"{_named(item)} has no edges to move yet; c makes a contact of it")
         self.selected = self.video.review.move(item.span, **edge)
         self.message = f"contact now {self.selected}"
 
@@ -93,8 +93,12 @@ class Desk(View):
         """Begin a new contact here, or end the one that was begun."""
         self._need_whisker()
         if self.adding is None:
-            if self.video.review.at(self.whisker, self.frame):
-                raise EditError(f"{self.whisker} has a contact here already")
+            there = self.video.review.at(self.whisker, self.frame)
+            if there:
+                raise EditError(
+                    f"{self.whisker} has contact {there} in frame {self.frame} already; i and o "
+                    "move its edges, and a begins one in a frame without contact"
+                )
             self.adding, self.selected = self.frame, None
             self.message = (
                 f"new contact of {self.whisker} from frame {self.frame}: step to the first "
@@ -109,24 +113,27 @@ class Desk(View):
         """Make a contact of the selected possible one."""
         item = self._need_current()
         if item.is_contact:
-            raise EditError("that is a contact already; Enter says that it is right")
+            raise EditError(f"{_named(item)} is one already; Enter says that it is right")
         self.selected = self.video.review.add(*item.span)
         self.message = f"contact {self.selected} added"
 
     def merge(self):
         """Make one of the selected contact and the next."""
-        if not self._need_current().is_contact:
-            raise EditError("that is no contact")
+        item = self._need_current()
+        if not item.is_contact:
+            raise EditError(f"{_named(item)} cannot be merged; c makes a contact of it")
         self.selected = self.video.review.merge(self.selected)
         self.message = f"merged into {self.selected}"
 
     def undo(self):
         """Take the last edit back and go to where it was."""
-        self._turn_back(self.video.review.undo, "undone", "nothing to undo in this video")
+        nothing = f"no change of {self.video.name} is left to undo; x, i and o make changes"
+        self._turn_back(self.video.review.undo, "undone", nothing)
 
     def redo(self):
         """Make the edit again that was taken back."""
-        self._turn_back(self.video.review.redo, "done again", "nothing to redo")
+        nothing = f"nothing of {self.video.name} to do again: u comes first"
+        self._turn_back(self.video.review.redo, "done again", nothing)
 
     def _turn_back(self, turn, done, nothing):
         before = {item.span: item.state for item in self.items}
@@ -161,7 +168,10 @@ class Desk(View):
         try:
             path, count, said = self.results.write_decisions()
         except (OSError, ValueError) as error:
-            raise EditError(f"decisions.csv cannot be written: {in_words(error)}") from error
+            raise EditError(
+                f"decisions.csv cannot be written: {in_words(error)}; every correction is saved "
+                "beside its video's tables: correct this, and press the key again"
+            ) from error
         self.message = "; ".join(
             [f"{counted(count, 'decision')} written to {path.resolve()}", *said]
         )

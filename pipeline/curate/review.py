@@ -157,7 +157,9 @@ class Review:
         """Make one of a contact and the next one of the same whisker."""
         later = [s for s in self.of_whisker(span.whisker) if s.onset >= span.offset]
         if not later:
-            raise EditError("there is no later contact to merge with")
+            raise EditError(
+                f"{span.whisker} has no contact after {span} to merge with: select an earlier one"
+            )
         merged = Span(span.whisker, span.onset, later[0].offset)
         stated = [self.verdict_on(span), self.verdict_on(later[0])]
         self._state(merged, CONTACT, [merged, *stated])
@@ -196,7 +198,10 @@ class Review:
             self._save(self.corrections)
         except OSError as error:
             self._set(before)
-            raise EditError(f"not changed: it cannot be saved ({why(error)})") from error
+            raise EditError(
+                f"not changed, for it cannot be saved ({why(error)}): correct this, and press the "
+                "key again"
+            ) from error
 
     def _state(self, span, verdict, about):
         """Put a verdict in place of those in `about`, over the frames of everything in it."""
@@ -221,13 +226,18 @@ class Review:
         if span.onset >= span.offset:
             raise EditError(
                 f"the first frame after the contact ({span.offset}) must come behind the first "
-                f"frame of contact ({span.onset})"
+                f"frame of contact ({span.onset}); step on, then press the key again"
             )
         if span.onset < 0 or span.offset > self.n_frames:
-            raise EditError(f"the video has frames 0 to {self.n_frames - 1}")
+            raise EditError(
+                f"{span} is not in the video, which has frames 0 to {self.n_frames - 1}; choose "
+                "edges within it"
+            )
         for other in self.of_whisker(span.whisker):
             if other not in instead_of and _collide(span, other):
-                raise EditError(f"that would run into the contact {other}; m merges two")
+                raise EditError(
+                    f"{span} would run into contact {other} of {span.whisker}; m merges two"
+                )
         return span
 
 

@@ -8,12 +8,13 @@ from functools import partialmethod
 from pipeline.curate.items import Item
 from pipeline.curate.results import Results, VideoUnderReview
 from pipeline.curate.review import EditError, Span
-from pipeline.errors import InputError, in_words
+from pipeline.errors import InputError, counted, in_words
 
 WIDTHS = (50, 100, 200, 400, 800, 1600, 3200, 6400, 12800, 25600)  # frames in the time window
 FIRST_WIDTH = 400
 MARGIN = 0.1  # of the window, that stays ahead of the present frame
 MOST_OF_WINDOW = 0.8  # a contact longer than this part of the window is not centred
+ON = "v goes to the next video"
 
 
 class View:
@@ -74,7 +75,7 @@ class View:
         if text.isdecimal() and int(text) <= last:
             self.look_at(int(text))
         else:
-            self.message = f"no frame {text}: the video has frames 0 to {last}"
+            self.message = f"no frame {text}: {self.video.name} has frames 0 to {last}; g again"
             self.is_error = True
 
     def look_at(self, frame: int) -> None:
@@ -189,7 +190,11 @@ class View:
             before = sum(span.onset <= self.frame for span in spans)
             index = before if step > 0 else before - 1
         if not 0 <= index < len(contacts):
-            raise EditError("there is no later contact" if step > 0 else "no earlier contact")
+            side, other = ("after", "p") if step > 0 else ("before", "n")
+            raise EditError(
+                f"{self.video.name} has no contact {side} frame {self.frame}; {other} goes the "
+                f"other way, {ON}"
+            )
         self._select(contacts[index])
 
     next_contact, previous_contact = partialmethod(_neighbour, 1), partialmethod(_neighbour, -1)
@@ -197,7 +202,7 @@ class View:
     def next_doubtful(self):
         """Go to the most doubtful contact that is left; without any to the next not looked at."""
         if not self._to_doubtful(apart_from=self.selected):
-            raise EditError("no other contact is left to look at here; v goes to the next video")
+            raise EditError(f"no other contact of {self.video.name} is left to look at; {ON}")
 
     def _to_doubtful(self, apart_from=None):
         left = [item for item in self.items if item.is_open and item.span != apart_from]
@@ -213,7 +218,9 @@ class View:
         start = self.frame if self.selected is None else self.selected.onset
         slips = [i for i in self._contacts() if i.values.get("slip") and i.span.onset > start]
         if not slips:
-            raise EditError("no later contact of this video ends by slipping; v: next video")
+            raise EditError(
+                f"no contact of {self.video.name} after frame {start} ends by slipping; {ON}"
+            )
         self._select(slips[0])
 
     def strongest(self):
@@ -229,7 +236,11 @@ class View:
         known.sort(key=lambda item: item.values[name], reverse=largest_first)
         if self._rank >= len(known):
             self._ranked_by = ""  # the next time begins anew
-            raise EditError("that was the last one" if known else "no contact has been measured")
+            raise EditError(
+                f"that was the last of {counted(len(known), 'contact')}; the same key begins anew"
+                if known
+                else f"no contact of {self.video.name} has a {name}; videos.csv says why"
+            )
         item = known[self._rank]
         self._select(item)
         order = "strongest" if largest_first else "shortest"
@@ -254,7 +265,10 @@ class View:
         names = self.results.names
         index = names.index(self.video.name) + step
         if not 0 <= index < len(names):
-            raise EditError("this is the last video" if step > 0 else "this is the first video")
+            place, key = ("last", "⇧ v goes back") if step > 0 else ("first", "v goes on")
+            raise EditError(
+                f"{self.video.name} is the {place} video of {len(names)}; {key}, q q ends"
+            )
         self._enter(names[index])
         self._to_doubtful()
 
@@ -264,7 +278,7 @@ class View:
 
     def _need_whisker(self):
         if self.whisker is None:
-            raise EditError("no whisker was found in this video")
+            raise EditError(f"no whisker was found in {self.video.name}; {ON}")
 
     def _need_current(self) -> Item:
         item = self.current

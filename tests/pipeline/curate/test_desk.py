@@ -63,6 +63,33 @@ def test_commands_without_sense_are_reported_and_change_nothing(results):
         assert read_corrections(results / desk.video.name).empty
 
 
+def test_a_refusal_names_what_it_is_about_and_what_to_do(results):
+    def refused(command):
+        desk.do(command)
+        assert desk.is_error, command
+        return desk.message
+
+    with opened(results) as folder:
+        desk = Desk(folder)
+        name, last = desk.video.name, folder.names[-1]
+        assert refused("undo") == f"no change of {name} is left to undo; x, i and o make changes"
+        assert refused("redo") == f"nothing of {name} to do again: u comes first"
+        contact = next(item.span for item in desk.items if item.is_contact)
+        desk.select(contact)
+        assert f"contact {contact} is one already; Enter says that" in refused("accept")
+        assert f"has contact {contact} in frame {contact.onset} already" in refused("add")
+        said = f"{name} has no contact before frame {contact.onset}; n goes the other way"
+        assert said in refused("previous_contact")
+        possible = next((item.span for item in desk.items if not item.is_contact), None)
+        if possible is not None:
+            desk.select(possible)
+            assert f"possible contact {possible} cannot be merged; c makes" in refused("merge")
+            assert f"possible contact {possible} has no edges to move yet; c" in refused("onset")
+        assert f"{name} is the first video of {len(folder.names)}; v" in refused("previous_video")
+        desk.open_video(last)
+        assert f"{last} is the last video of {len(folder.names)}; ⇧ v" in refused("next_video")
+
+
 def test_search_by_force_and_length_goes_through_all_in_order(results):
     with opened(results) as folder:
         desk = Desk(folder)
