@@ -120,7 +120,9 @@ def _of_whiskers(settings, tables, followed, advice):
         yield advice.no_pole
     yield from _never_tracked(settings.analysis.follow, whisker_set, advice.lost)
     yield from _seldom_tracked(tables.frames, whisker_set, advice.seldom)
-    yield from _of_another_size(settings, followed.pole)
+    doubt = size_doubt(settings, followed.pole)
+    if doubt:
+        yield doubt
     yield from _passes_over(settings, tables, followed.pole)
     yield from _contradicted(settings, tables.contacts)
     yield from _without_forces(settings, whisker_set)
@@ -199,6 +201,8 @@ def _no_pole(settings, seen) -> str:
     scenes, shade = _scenes(seen), "bright" if isinstance(seen.video, Negative) else "dark"
     there = f"what was seen is {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
     missing = f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found"
+    if seen.other_pole is not None:
+        return f"{missing}, so no contacts; {size_doubt(settings, seen.other_pole)}"
     if settings.pole.position_px is not None:
         x, y = settings.pole.position_px
         return (
@@ -345,17 +349,20 @@ def _of_another_length(settings, odd) -> str:
     )
 
 
-def _of_another_size(settings, pole):
+def size_doubt(settings, pole) -> str | None:
     """A pole that is not as thick as scale and diameter make it: one of them must be wrong."""
     if pole is None:
-        return
+        return None
+    x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
     thickness_mm = 2 * pole.radius_px / settings.recording.pixels_per_mm
-    if abs(thickness_mm / settings.pole.diameter_mm - 1) > OTHER_THICKNESS:
-        yield (
-            f"the pole looks {thickness_mm:.2g} mm thick, but [pole] diameter_mm = "
-            f"{settings.pole.diameter_mm:g}: correct it or [recording] pixels_per_mm = "
-            f"{settings.recording.pixels_per_mm:g}, on which lengths and forces depend"
-        )
+    if abs(thickness_mm / settings.pole.diameter_mm - 1) <= OTHER_THICKNESS:
+        return None
+    return (
+        f"the pole looks {thickness_mm:.2g} mm thick ({2 * pole.radius_px:.0f} px, at {x:.0f}, "
+        f"{y:.0f} px), but [pole] diameter_mm = {settings.pole.diameter_mm:g}: correct it or "
+        f"[recording] pixels_per_mm = {settings.recording.pixels_per_mm:g}, on which lengths and "
+        "forces depend"
+    )
 
 
 def _assumed_place(settings, pole):

@@ -27,8 +27,10 @@ from pipeline.kinematics import (
 from pipeline.messages import line_messages, messages
 from pipeline.runtime import Clock, Counted, Step, prepare_cache
 from pipeline.scene import (
+    Pole,
     face_side_of,
     find_scenes,
+    pole_of_another_size,
     pole_track,
     prepare_video,
     survey,
@@ -173,6 +175,7 @@ class Seen:
     whisker_set : `WhiskerSet`, whose templates are those of real lines
     odd : `SeenLength` that contradicts the settings, as in `tracking.odd_length`, or None
     frames : numbers of the frames that were looked at
+    other_pole : `Pole` of another size than the settings say, where no other is seen
     """
 
     video: Video
@@ -180,6 +183,7 @@ class Seen:
     whisker_set: WhiskerSet
     odd: SeenLength | None
     frames: np.ndarray
+    other_pole: Pole | None = None
 
 
 def look_at(video, settings):
@@ -219,7 +223,19 @@ def find_whiskers(video, survey, epochs, settings) -> Seen:
     if not whisker_set.templates and settings.pole.position_px is None:
         epochs = without_poles(epochs)
     odd = odd_length(*sample, epochs, whisker_set.templates, settings)
-    return Seen(video, epochs, whisker_set, odd, sample[0])
+    other = _other_pole(sample[1], epochs, settings)
+    return Seen(video, epochs, whisker_set, odd, sample[0], other)
+
+
+def _other_pole(frames, epochs, settings) -> Pole | None:
+    """A pole of another size than expected, where none is found and its place is not given."""
+    scenes = [epoch.scene for epoch in epochs if epoch.scene]
+    given = settings.pole.position_px is not None
+    if given or not scenes or any(scene.pole is not None for scene in scenes):
+        return None
+    scale = working_scale(frames.shape[1:], settings.recording.pixels_per_mm)
+    radius_px = 0.5 * settings.pole.diameter * settings.recording.si().pixels_per_m
+    return pole_of_another_size(frames, scenes[0], radius_px, scale, settings.advanced.scene)
 
 
 def follow(seen: Seen, settings, clock, keep=None, say=lambda step: None) -> Kinematics:

@@ -12,7 +12,7 @@ from pipeline.errors import InputError, VideoError, need_folder
 from pipeline.numerics.runs import evenly
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import without_pole
-from pipeline.scene.estimate import find_scenes, survey
+from pipeline.scene.estimate import OTHER_SIZES, find_scenes, survey
 from pipeline.scene.pole_search import SURE
 from pipeline.scene.preparation import prepare_video
 from pipeline.scene.scale import FIELD_MM, scale_of
@@ -32,7 +32,6 @@ from pipeline.video.open import open_video
 LOOKED_AT = 3  # videos
 FRAMES_PER_SECOND = 1000.0
 POLE_DIAMETER_MM = 0.5
-SCALES = (1.0, 0.6, 1.6, 0.4, 2.5)  # of the usual one, tried in this order until a pole is sure
 
 
 @dataclass(frozen=True)
@@ -153,10 +152,11 @@ def _scene_and_scale(look):
     """The typical scene, frames of it, and the scale [px/mm].
 
     The scale is from the pole's thickness, or else from the image's size. Of discs found at
-    several scales, the one most similar to a pole's end is the pole.
+    several scales, the one most similar to a pole's end is the pole; no more are tried once one
+    surely is.
     """
     usual, first, best = _usual_scale(look.video), None, None
-    for factor in SCALES:
+    for factor in (1.0, *OTHER_SIZES):
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
         seen = survey(look, recording)
         epochs = find_scenes(look.video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)

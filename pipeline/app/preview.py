@@ -9,7 +9,13 @@ import numpy as np
 
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import counted
-from pipeline.messages import guessed_order, no_whiskers, settings_doubt, value_doubts
+from pipeline.messages import (
+    guessed_order,
+    no_whiskers,
+    settings_doubt,
+    size_doubt,
+    value_doubts,
+)
 from pipeline.reports.drawing import INK, PAPER, SHIFT, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
 from pipeline.reports.overlay import write_png
@@ -103,18 +109,20 @@ def preview_of(path, settings: Settings) -> Preview:
         lines={name: points for name, (points, _) in lines.items()},
         known=frozenset(name for name, (_, c) in lines.items() if c >= KNOWN),
         names=whisker_set.given or whiskers_in(chunks),
-        doubts=_doubts(settings, seen),
+        doubts=_doubts(settings, seen, scene),
         unseen=tuple(name for name in whisker_set.given if name not in traced),
     )
 
 
-def _doubts(settings, seen) -> tuple[str, ...]:
+def _doubts(settings, seen, scene) -> tuple[str, ...]:
     """The main doubts that a run would report, and what to do about them."""
     doubt = settings_doubt(settings, seen)
     if doubt is None and not seen.whisker_set.templates:
         doubt = no_whiskers(settings, seen)
+    size = size_doubt(settings, scene.pole or seen.other_pole)
     order = guessed_order(settings, seen.whisker_set) if settings.whisker else ()
-    return (*([doubt] if doubt else ()), *value_doubts(settings, seen.video), *order)
+    main = filter(None, (doubt, size))
+    return (*main, *value_doubts(settings, seen.video), *order)
 
 
 def whiskers_in(chunks) -> tuple[str, ...]:

@@ -6,7 +6,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "dust": ["is_passed_over"],
-        "estimate": ["find_scenes", "scene_from_frames", "survey"],
+        "circle_fit": ["Pole"],
+        "estimate": ["find_scenes", "pole_of_another_size", "scene_from_frames", "survey"],
         "preparation": ["prepare_video"],
         "epochs": ["Epoch", "face_side_of", "pole_track", "without_pole", "without_poles"],
         "pole_runs": ["pole_at"],

@@ -8,6 +8,7 @@ import numpy as np
 from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.errors import VideoError
 from pipeline.scene.background import estimate_background, fringe_px, without_whiskers
+from pipeline.scene.circle_fit import Pole
 from pipeline.scene.codec_noise import noise_excess
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import Epoch
@@ -15,7 +16,7 @@ from pipeline.scene.face import darkest_sides, find_face, likelier_side
 from pipeline.scene.masks import dilated, opened, opened_beyond_border, regions
 from pipeline.scene.moving_fur import moving_fur
 from pipeline.scene.pole_doubts import doubt
-from pipeline.scene.pole_search import PoleCheck, find_pole, likeness
+from pipeline.scene.pole_search import SURE, PoleCheck, find_pole, likeness
 from pipeline.scene.preparation import N_FRAMES, PreparedVideo, prepare_video, without_black
 from pipeline.scene.scale import working_scale
 from pipeline.scene.states import Survey, periods
@@ -26,6 +27,7 @@ from pipeline.session.recording import Recording
 
 FRAMES_PER_SAMPLE = 50  # of a long video, to see when large things move
 MOST_SAMPLES = 1000
+OTHER_SIZES = (0.6, 1.6, 0.4, 2.5)  # of the expected one, tried in this order
 
 
 def survey(
@@ -181,6 +183,24 @@ def _pole(background, frames, radius_px, pole_xy, masks):
 
     pole = find_pole(transmission, radius_px, pole_xy, face | animal, passed_over, refused)
     return pole, tuple(reasons) if pole is None else ()
+
+
+def pole_of_another_size(frames, scene, radius_px, scale, params) -> Pole | None:
+    """What is surely a pole's end, but not about as thick as expected; None where nothing is.
+
+    Parameters
+    ----------
+    frames : uint8 (k, height, width), of a video in which no pole was found
+    scene : its `StaticScene`
+    radius_px : expected radius [px]
+    scale : for lengths in the scene [px/mm]
+    params : `SceneParams`
+    """
+    background = estimate_background(frames, scale, params)
+    elsewhere = scene.background <= 0  # what the settings leave out of the picture
+    masks = scene.face_mask | elsewhere, scene.face_mask & scene.face_seen
+    found = (_pole(background, frames, radius_px * k, None, masks)[0] for k in OTHER_SIZES)
+    return next((pole for pole in found if pole is not None and likeness(pole) > SURE), None)
 
 
 def _face(background, frames, given_side, scale, params):

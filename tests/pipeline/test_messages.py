@@ -34,6 +34,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "tracked": 1.0, "known": 1.0, "across": 0, "contacts": ("C2",), "light": 200,
         "refused": (), "thing": np.s_[:0], "problems": (), "odd": None, "side": None,
         "out": np.s_[:0], "bright": False, "first_seen": None, "recording": {}, "rows": (50, 90),
+        "other_pole": None,
         "region": None, "frames": None, "flags": "", "unnamed": 0, "analysis": {}, "curved": 1.0,
         "lines": False,
     } | changes  # fmt: skip
@@ -102,6 +103,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         epochs=epochs,
         whisker_set=given["first_seen"] or whisker_set,
         odd=given["odd"],
+        other_pole=given["other_pole"],
     )
     if given["lines"]:
         return list(line_messages(settings, tables, followed))
@@ -145,6 +147,9 @@ def test_where_nothing_is_wrong_nothing_is_said():
          "reaches in from the right and bottom (less than 1 % of the picture); if there is one"),
         ({"pole": None, "refused": ((3.0, 4.0, "a tuft"),)},
          "no pole of 0.5 mm (12 px) found, so no contacts; what was seen is a tuft (at 3, 4 px)"),
+        ({"pole": None, "other_pole": PoleTrack(POLE.x_px, POLE.y_px, SCALE)},
+         "no pole of 0.5 mm (12 px) found, so no contacts; the pole looks 2 mm thick (50 px, at "
+         "300, 200 px), but [pole] diameter_mm = 0.5: correct it or [recording] pixels_per_mm = "),
         ({"region": [10, 0, 90, 40]},
          "[image] region_px = [10, 0, 90, 40] reaches beyond the picture, which is 60×40 px: what "
          "is inside is looked at; if that is not what was meant, give x from 0 to 60 and"),
@@ -521,7 +526,9 @@ def test_whiskers_without_a_face_in_view_show_the_opposite_side():
     [
         ("left", SCALE, None),
         ("right", SCALE, 'write face = "left"'),
-        ("left", 0.75 * SCALE, "mm thick, but [pole] diameter_mm = 0.5"),
+        ("left", 0.75 * SCALE, "px), but [pole] diameter_mm = 0.5"),
+        ("left", 0.5 * SCALE, "no pole of 0.5 mm (6 px) found, so no contacts; the pole looks"),
+        ("left", 2 * SCALE, "no pole of 0.5 mm (25 px) found, so no contacts; the pole looks"),
     ],
 )
 def test_a_video_with_wrong_settings_says_so(tmp_path, side, scale, words):
