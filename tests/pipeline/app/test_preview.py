@@ -10,6 +10,7 @@ import pytest
 
 from pipeline.app import init
 from pipeline.app.preview import Preview, _doubts, draw, preview_of, whiskers_in
+from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import VideoError
 from pipeline.session.input_settings import guesses_left
 from pipeline.session.inputs import find_inputs
@@ -127,6 +128,11 @@ def test_an_order_that_is_guessed_is_doubted_before_a_run(monkeypatch):
     monkeypatch.setattr("pipeline.app.preview.settings_doubt", lambda *_: None)
     settings = settings_from({"recording": RECORDING, "whisker": [{"name": "a"}, {"name": "b"}]})
     found = SimpleNamespace(found=("a", "b"), templates=(None, None), given=("a", "b"))
-    seen = SimpleNamespace(video=SimpleNamespace(width=60, height=40), whisker_set=found)
-    (doubt,) = _doubts(settings, seen)
+    video, pole = SimpleNamespace(width=60, height=40), PoleTrack(np.ones(1), np.ones(1), 10.0)
+    seen = SimpleNamespace(video=video, whisker_set=found, other_pole=None)
+    (doubt,) = _doubts(settings, seen, SimpleNamespace(pole=None))
     assert doubt.startswith("the order of a to b along the face is guessed")
+    seen.other_pole = pole
+    for each in (pole, None):
+        size, _ = _doubts(settings, seen, SimpleNamespace(pole=each))
+        assert size.startswith("the pole looks 2 mm thick (20 px, at 1, 1 px), but [pole] diam")

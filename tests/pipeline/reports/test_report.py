@@ -75,6 +75,21 @@ def test_messages_of_few_videos_are_all_seen_at_once(tmp_path, page, monkeypatch
     assert '<div class="tall">' in page_of(results)
 
 
+def test_pages_that_a_person_has_changed_are_kept_and_said(tmp_path):
+    results = make_results(tmp_path / "results")
+    page_of(results)
+    pages = results / "figures" / "courses" / "one.html", results / "report.html"
+    for page in pages:
+        page.write_text(page.read_text("utf-8") + "my notes", "utf-8")
+    kept = [page.with_name(f"{page.name}.old") for page in pages]
+    assert report.write_report(results) == [
+        f"{page} was changed since whiskerforce wrote it: it is kept as {old}; take from there "
+        "what you need" for page, old in zip(pages, kept, strict=True)
+    ]  # fmt: skip
+    assert all(old.read_text("utf-8").endswith("my notes") for old in kept)
+    page_of(results)
+
+
 def test_the_main_doubts_come_first(tmp_path):
     results = make_results(tmp_path / "results", ())
     videos = files.read_csv(results / "videos.csv", VIDEO_COLUMNS)
