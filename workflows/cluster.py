@@ -39,6 +39,7 @@ LOGS = {"run.log"}
 REPORT = "report.html"  # states times and the command
 JOB = "pipeline.app.one_video"
 PATIENCE_S = 1800
+SAID = 12  # last lines of Snakemake's log, where it fails
 ENVIRONMENT = os.environ | {
     "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
 }
@@ -189,6 +190,8 @@ def try_it(folder, trials, frames) -> tuple[str, bool]:
     ]
     if differ:
         lines += ["", f"Different: {', '.join(differ)}"]
+    if status:
+        lines += ["", "Snakemake said:", "", *said.splitlines()[-SAID:]]
     return "\n".join(lines), good
 
 

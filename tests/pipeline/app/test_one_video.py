@@ -1,11 +1,13 @@
 """Videos as jobs of a cluster: what `run` gathers is what `run` alone would have made."""
 
+import importlib
 import importlib.util
+import re
 import subprocess
 import sys
 
 import pytest
-from cluster import ENVIRONMENT, compare, snakemake
+from cluster import ENVIRONMENT, ROOT, compare, snakemake
 from quick_analysis import quick_analyse
 
 import pipeline.reports.figures
@@ -110,6 +112,16 @@ def test_unusable_arguments_and_lack_of_memory_have_their_own_status(videos, tmp
     (videos / "x/d.avi").write_bytes(b"large")
     session = ["--config", str(videos / "session.toml")]
     assert one_video.main([str(videos / "x/d.avi"), *out, *session]) == 3
+
+
+def test_all_that_the_snakefile_imports_is_there():
+    """Where Snakemake is not installed, too."""
+    text = (ROOT / "workflows" / "Snakefile").read_text("utf-8")
+    imports = re.findall(r"^from (pipeline\S*) import (.+)$", text, re.MULTILINE)
+    assert len(imports) == text.count("\nfrom pipeline")
+    for module, names in imports:
+        for name in names.split(", "):
+            assert hasattr(importlib.import_module(module), name), (module, name)
 
 
 @pytest.mark.slow
