@@ -1,5 +1,6 @@
 """A first session.toml from a look at the videos, and a picture of what was found."""
 
+import os
 from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -110,12 +111,13 @@ def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
     found = find_inputs([folder])
     inputs = [each for each in found if not each.fault]
     looks, problems = [], [] if inputs else [f"{each.path}: {each.fault}" for each in found]
+    called = called_apart([each.path for each in inputs])
     places = evenly(len(inputs), most).tolist()
     rest = [i for i in range(len(inputs)) if i not in places]
     for i in (*places, *rest):
         if len(looks) == most or (looks and i in rest):
             break
-        say(f"looking at {inputs[i].path.name} …")
+        say(f"looking at {called[inputs[i].path]} …")
         try:
             looks.append(look(inputs[i].path))
         except VideoError as error:
@@ -125,6 +127,12 @@ def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
     for problem in problems:
         say(f"left out: {problem}")
     return looks
+
+
+def called_apart(paths) -> dict[Path, str]:
+    """What files are called: by their names, with folders where these differ."""
+    base = os.path.commonpath([path.parent for path in paths]) if paths else ""
+    return {path: path.relative_to(base).as_posix() for path in paths}
 
 
 def look_at(path) -> Look:
@@ -247,9 +255,10 @@ def _snout(looks) -> str | None:
 
 
 def _pole_note(looks) -> str:
+    called = called_apart([look.path for look in looks])
     found = [
-        f"({look.pole[0]:.0f}, {look.pole[1]:.0f}) in {look.path.name}" if look.pole else
-        f"none in {look.path.name}"
+        f"({look.pole[0]:.0f}, {look.pole[1]:.0f}) in {called[look.path]}" if look.pole else
+        f"none in {called[look.path]}"
         for look in looks
     ]  # fmt: skip
     return f"here: {', '.join(found)}"
@@ -257,8 +266,9 @@ def _pole_note(looks) -> str:
 
 def _words(looks, preview, target) -> list[str]:
     """Lines to print for the user."""
-    names = ", ".join(look.path.name for look in looks)
-    shown = f"; {preview.path.name} is in the picture" if len(looks) > 1 else ""
+    called = called_apart([look.path for look in looks])
+    names = ", ".join(called.values())
+    shown = f"; {called[preview.path]} is in the picture" if len(looks) > 1 else ""
     advice = "next: check the lines marked GUESS"
     if preview.names:
         advice += (
@@ -277,10 +287,10 @@ def _words(looks, preview, target) -> list[str]:
 
 def _unlike(looks):
     """A line where videos are of several cameras or views: one session.toml is for one of them."""
-    kinds = defaultdict(list)
+    kinds, called = defaultdict(list), called_apart([look.path for look in looks])
     for look in looks:
         kind = f"{look.size[0]}×{look.size[1]} px, face at the {look.scene.face_side}"
-        kinds[kind].append(look.path.name)
+        kinds[kind].append(called[look.path])
     if len(kinds) > 1:
         found = "; ".join(f"{kind} ({', '.join(names)})" for kind, names in kinds.items())
         yield (

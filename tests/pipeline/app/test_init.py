@@ -13,6 +13,7 @@ from pipeline.app.init import (
     _is_passed_over,
     _scene_and_scale,
     _unlike,
+    called_apart,
     findings,
     init_folder,
 )
@@ -78,6 +79,14 @@ def test_a_scale_without_a_pole_says_how_much_the_picture_would_show():
     bare = replace(scene(DISC), pole=None)
     _, notes = findings([Look(Path("a.avi"), bare, 12.5, ("w1",))])
     assert "as if the image showed 25.6 mm × 19.2 mm" in notes["recording.pixels_per_mm"]
+
+
+def test_videos_of_one_name_are_told_apart():
+    paths = [Path("one/a/trial.avi"), Path("one/b/trial.avi")]
+    assert list(called_apart(paths).values()) == ["a/trial.avi", "b/trial.avi"]
+    assert list(called_apart(paths[:1]).values()) == ["trial.avi"]
+    looks = [Look(path, scene(DISC), 25.0, ("w1",)) for path in paths]
+    assert "in a/trial.avi, (" in findings(looks)[1]["pole.x_px"]
 
 
 def test_videos_that_one_session_cannot_hold_for_are_named():
