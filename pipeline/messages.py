@@ -349,6 +349,13 @@ def _of_another_length(settings, odd) -> str:
     )
 
 
+def pole_doubt(settings, seen, pole) -> str | None:
+    """Message about a pole that is not as thick as expected, found as such or only without."""
+    if pole is None and seen.other_pole is not None:
+        return _no_pole(settings, seen)
+    return size_doubt(settings, pole)
+
+
 def size_doubt(settings, pole) -> str | None:
     """A pole that is not as thick as scale and diameter make it: one of them must be wrong."""
     if pole is None:

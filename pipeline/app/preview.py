@@ -12,8 +12,8 @@ from pipeline.errors import counted
 from pipeline.messages import (
     guessed_order,
     no_whiskers,
+    pole_doubt,
     settings_doubt,
-    size_doubt,
     value_doubts,
 )
 from pipeline.reports.drawing import INK, PAPER, SHIFT, View, name_boxes
@@ -119,7 +119,7 @@ def _doubts(settings, seen, scene) -> tuple[str, ...]:
     doubt = settings_doubt(settings, seen)
     if doubt is None and not seen.whisker_set.templates:
         doubt = no_whiskers(settings, seen)
-    size = size_doubt(settings, scene.pole or seen.other_pole)
+    size = pole_doubt(settings, seen, scene.pole)
     order = guessed_order(settings, seen.whisker_set) if settings.whisker else ()
     main = filter(None, (doubt, size))
     return (*main, *value_doubts(settings, seen.video), *order)

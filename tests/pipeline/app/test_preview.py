@@ -129,10 +129,11 @@ def test_an_order_that_is_guessed_is_doubted_before_a_run(monkeypatch):
     settings = settings_from({"recording": RECORDING, "whisker": [{"name": "a"}, {"name": "b"}]})
     found = SimpleNamespace(found=("a", "b"), templates=(None, None), given=("a", "b"))
     video, pole = SimpleNamespace(width=60, height=40), PoleTrack(np.ones(1), np.ones(1), 10.0)
-    seen = SimpleNamespace(video=video, whisker_set=found, other_pole=None)
+    seen = SimpleNamespace(video=video, epochs=(), whisker_set=found, other_pole=None)
     (doubt,) = _doubts(settings, seen, SimpleNamespace(pole=None))
     assert doubt.startswith("the order of a to b along the face is guessed")
     seen.other_pole = pole
-    for each in (pole, None):
+    said = "the pole looks 2 mm thick (20 px, at 1, 1 px), but [pole] diameter_mm = 0.5: correct"
+    for each, first in ((pole, ""), (None, "no pole of 0.5 mm (5 px) found, so no contacts; ")):
         size, _ = _doubts(settings, seen, SimpleNamespace(pole=each))
-        assert size.startswith("the pole looks 2 mm thick (20 px, at 1, 1 px), but [pole] diam")
+        assert size.startswith(f"{first}{said}")
