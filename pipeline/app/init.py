@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.app.preview import preview_of, write_preview
 from pipeline.detection.static_scene import StaticScene
-from pipeline.errors import InputError, VideoError, need_folder
+from pipeline.errors import InputError, VideoError, need_folder, why
 from pipeline.numerics.runs import evenly
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import without_pole
@@ -70,12 +70,20 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     Raises
     ------
     InputError
-        Where there is no readable video, or a session.toml by another name.
+        Where there is no readable video, or a session.toml by another name, or nothing can be
+        written.
     SettingsError
         Where the session.toml that is there cannot be used.
     """
     folder = Path(folder)
     need_folder(folder, "a folder of videos")
+    try:
+        whole_files.try_writing(folder)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot write {SETTINGS_NAME} and the preview there ({why(error)}); make a "
+            "folder of your own with links to the videos, or copies, and `init` that"
+        ) from None
     target = folder / SETTINGS_NAME
     if config is not None or (target.exists() and not overwrite):
         return _show(folder, Path(config or target), say)

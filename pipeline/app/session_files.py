@@ -43,11 +43,8 @@ def check_folder(out):
     for name in SESSION_FILES:
         if (out / name).is_dir():
             raise InputError(f"--out {out}: {name} in it is a folder; move it away")
-    tried = out / f"{whole_files.PART}try{whole_files.PART_END}"
     try:
-        with whole_files.whole_file(tried) as temporary:
-            temporary.write_text("")
-        tried.unlink()
+        whole_files.try_writing(out)
     except OSError as error:
         raise InputError(
             f"--out {out}: cannot write there ({why(error)}); choose another folder"

@@ -42,6 +42,17 @@ def whole_file(path):
         temporary.unlink(missing_ok=True)
 
 
+def try_writing(folder) -> None:
+    """Write a file into a folder, and remove it; OSError, which names no file, where it fails."""
+    tried = Path(folder) / f"{PART}try{PART_END}"
+    try:
+        with whole_file(tried) as temporary:
+            temporary.write_text("")
+        tried.unlink()
+    except OSError as error:
+        raise OSError(error.errno, error.strerror) from error
+
+
 def set_aside(path) -> Path:
     """Rename a file that a person may have written, before it is replaced; return its new path."""
     path, number = Path(path), 1

@@ -1,5 +1,6 @@
 """Which round dark things give no scale, and what a first session.toml says."""
 
+import errno
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.errors import InputError
 from pipeline.scene.preparation import prepare_video
 from pipeline.session.session_file import session_text, settings_from
+from pipeline.tables import whole_files
 from pipeline.video.open import open_video
 
 SHAPE = (240, 320)
@@ -95,6 +97,20 @@ def test_videos_that_one_session_cannot_hold_for_are_named():
     assert not list(_unlike([first, first]))
     (said,) = _unlike([first, turned])
     assert "320×240 px, face at the left (a.avi); 320×240 px, face at the top (b.avi)" in said
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_its_videos_are_looked_at(
+    tmp_path, monkeypatch
+):
+    def refuse(folder):
+        raise OSError(errno.EROFS, "")
+
+    monkeypatch.setattr(whole_files, "try_writing", refuse)
+    (tmp_path / "a.avi").touch()
+    said = []
+    with pytest.raises(InputError, match=r"write session\.toml and the preview there .Read-"):
+        init_folder(tmp_path, say=said.append)
+    assert said == []
 
 
 def test_settings_that_were_saved_by_another_name_are_not_left_behind(tmp_path):
