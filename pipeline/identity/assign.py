@@ -26,6 +26,8 @@ from pipeline.tracking.given_lengths import GivenLengths, numbers_in_order, prob
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.two_sides import names_by_side
 
+MEASURED = "se_px", "offset_px", "information", "thickness_px"  # stored with three digits …
+MOST_STORED = float(np.finfo(np.float16).max)  # … and at most so large
 FEWEST_FRAMES = 2  # shorter tracks that belong to no named whisker are dropped
 
 
@@ -283,6 +285,8 @@ def _named(chunk: Centrelines, all_names, whisker, sure, longest_px) -> Centreli
 def _store(chunk: Centrelines, file) -> None:
     for each in fields(Centrelines):
         value = getattr(chunk, each.name)
+        if each.name in MEASURED and value is not None:
+            value = np.minimum(value, MOST_STORED).astype(np.float16)
         np.save(file, np.array(np.nan if value is None else value), allow_pickle=False)
     file.flush()
 
@@ -290,5 +294,7 @@ def _store(chunk: Centrelines, file) -> None:
 def _load(file) -> Centrelines:
     stored = {each.name: np.load(file) for each in fields(Centrelines)}
     values = {name: value if value.ndim else None for name, value in stored.items()}
+    for name in MEASURED:
+        values[name] = None if values[name] is None else values[name].astype(np.float32)
     values["names"] = tuple(str(name) for name in values["names"])
     return Centrelines(**values)
