@@ -168,7 +168,7 @@ def frame_gain(image, places, per_light):
     return mean
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath={"reassoc", "nsz"})  # summed in any order, many at a time
 def _mean_near(values, n, centre, reach):
     """Mean of those of the first `n` values within `reach` of `centre`, and how many they are."""
     total = 0.0

@@ -42,7 +42,7 @@ def _initialise(picture, values, n, fit, room):
         stays = abs(n - before) <= SAME_LENGTH
         if step >= FEWEST_FITS and stays and largest(scratch.offset, n) < SHORT_STEP:
             break
-        _fit_width(nodes.sigma, n, room)
+        fit_width(nodes.sigma, n, room)
         # no history to average with: the absorbance is what was measured last
         for i in range(n):
             amplitude[i] = max(scratch.amplitude[i], fit.faintest)
@@ -50,17 +50,12 @@ def _initialise(picture, values, n, fit, room):
     return n, quality
 
 
-def fit_width(line: Line, workspace) -> None:
-    """Update the half-width σ along the line, linear in arc length, from its last measurement."""
-    _fit_width(line.sigma, line.n, workspace.room)
-
-
 @njit(cache=True)
-def _fit_width(sigma, n, room):
-    """Each half of the line has a width of its own.
+def fit_width(sigma, n, room):
+    """Update the half-width σ of `n` nodes, linear in arc length, from their last measurement.
 
-    It grows towards the tip only where that is sure: a whisker that turns while the shutter is
-    open is blurred the more the farther out.
+    Each half of the line has a width of its own. It grows towards the tip only where that is sure:
+    a whisker that turns while the shutter is open is blurred the more the farther out.
     """
     scratch, middle = scratch_of(room), n // 2
     near, far = middle / 2, (middle + n) / 2

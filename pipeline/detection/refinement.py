@@ -1,6 +1,5 @@
 """A known line fitted to its whisker anew, in another frame or beside other lines."""
 
-import numpy as np
 from numba import njit
 
 from pipeline.detection import line_fit, line_profile
@@ -8,13 +7,9 @@ from pipeline.detection.frame import Frame
 from pipeline.detection.line import Line
 
 
-def refine(frame: Frame, line: Line, farthest=np.inf, widths=False) -> None:
-    """Gauss–Newton from the line's present nodes; base and tip found anew. In place.
-
-    A line that is `farthest` [px] or more from them is not found. `widths`: for
-    `new_lines.fit_width`.
-    """
-    fit = frame.options.fit(frame.model, farthest, widths)
+def refine(frame: Frame, line: Line) -> None:
+    """Gauss–Newton from the line's present nodes; base and tip found anew. In place."""
+    fit = frame.options.fit(frame.model)
     line.n, line.quality = line_fit.refine(
         frame.picture, line.values, line.n, fit, frame.workspace.room
     )

@@ -3,11 +3,11 @@
 import math
 
 import numpy as np
+from numba import njit
 
 from pipeline.detection import line_fit, new_lines
 from pipeline.detection.frame import Frame
-from pipeline.detection.line import Line
-from pipeline.detection.refinement import refine
+from pipeline.detection.line import Line, nodes_of
 from pipeline.detection.tracing_options import TracingOptions
 from pipeline.session.quantities import frames_in
 from pipeline.tracking import row_rotation, search
@@ -48,13 +48,11 @@ class Follower:
             if half:
                 line = predicted(track, with_velocity)
             self._carry_on(line, track, frame)
-            if half:
-                room = frame.workspace.room
-                line.n = search.capture(frame.picture, line.values, line.n, half, room)
             farthest = np.inf if half else NEAR_PREDICTION_PX
-            refine(frame, line, farthest, widths=True)
-            if line.n >= line_fit.SHORTEST:
-                new_lines.fit_width(line, frame.workspace)
+            fit = frame.options.fit(frame.model, farthest, widths=True)
+            line.n, line.quality = _fitted(
+                frame.picture, line.values, line.n, half, fit, frame.workspace.room
+            )
             if best is None or self.worth(line, track) > self.worth(best, track):
                 best = line
             if best.quality > self.params.good_quality and best.n > 0.8 * present.n:
@@ -105,3 +103,17 @@ class Follower:
             )  # fmt: skip
         if line.n == n:
             track.whole = track.line
+
+
+@njit(cache=True)
+def _fitted(picture, values, n, half, fit, room):
+    """Fit a line, and its half-width, where it lies or, of `half` above 0, in a strip about it.
+
+    Returns the number of nodes and the quality.
+    """
+    if half > 0:
+        n = search.capture(picture, values, n, half, room)
+    n, quality = line_fit.refine(picture, values, n, fit, room)
+    if n >= line_fit.SHORTEST:
+        new_lines.fit_width(nodes_of(values).sigma, n, room)
+    return n, quality
