@@ -1,16 +1,19 @@
 """A short rendered session, made once per test run, for all who need a real video."""
 
+import gc
 import os
 
 import pytest
 from hypothesis import HealthCheck, settings
 
+from pipeline.runtime.garbage import search_seldom
 from pipeline.runtime.numba_cache import prepare_cache
 from pipeline.runtime.workers import THREADS
 
 for name in THREADS:  # before NumPy is loaded: the matrices are small, threads only wait
     os.environ.setdefault(name, "1")
 prepare_cache()
+search_seldom()  # as the program does
 # no test judges by the clock: the machine may be busy
 settings.register_profile(
     "busy", deadline=None, max_examples=40, suppress_health_check=[HealthCheck.too_slow]
@@ -38,6 +41,11 @@ def pytest_collection_modifyitems(config, items):
         return  # one process alone
     whole = {each.path for each in items if each.get_closest_marker("e2e")}
     items.sort(key=lambda item: (_place(item.path), item.path not in whole))
+
+
+def pytest_collection_finish():
+    """Never search what has been made until now: tests, and the packages that they import."""
+    gc.freeze()
 
 
 def _place(path) -> int:

@@ -3,7 +3,6 @@
 Exit status: 0 all done; 1 some videos failed; 2 unusable arguments or settings.
 """
 
-import gc
 import os
 import re
 import sys
@@ -292,13 +291,14 @@ def _without_types(command) -> None:
 def _prepare() -> None:
     """Set up what all commands need; a warning where the system gives too little."""
     from pipeline.runtime.address_space import shortage
+    from pipeline.runtime.garbage import search_seldom
     from pipeline.runtime.numba_cache import prepare_cache
     from pipeline.runtime.workers import THREADS
 
     prepare_cache()
     for name in THREADS:  # the matrices are small: threads would only wait for each other
         os.environ.setdefault(name, "1")
-    gc.set_threshold(50_000, 20, 20)  # imports make much that stays: searching it takes 0.2 s
+    search_seldom()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # not every console has every letter of a file's name
             stream.reconfigure(errors="replace")

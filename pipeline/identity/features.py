@@ -42,7 +42,7 @@ def line_features(lines, dial: Dial) -> np.ndarray:
     """
     out, thickness = np.full((len(lines), N_FEATURES), np.nan), lines.thickness_px
     if thickness is None:
-        thickness = np.full(len(lines.x_px), np.nan)
+        thickness = np.full_like(lines.x_px, np.nan)
     _fill(
         lines.offsets, lines.x_px, lines.y_px, thickness,
         dial.centre, dial.along, dial.outward, dial.distances, out,

@@ -14,6 +14,7 @@ from multiprocessing.connection import wait
 from typing import Any
 
 from pipeline.runtime import interrupts
+from pipeline.runtime.garbage import search_seldom
 
 REPORT_EVERY = 0.1  # s between progress messages of one worker and stage
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -87,6 +88,7 @@ def _serve(connection, function):
     """Body of a worker process: take tasks until None comes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
     end_with_parent()
+    search_seldom()
     with contextlib.suppress(EOFError, OSError):
         while (task := connection.recv()) is not None:
             _call(function, task[0], connection.send)

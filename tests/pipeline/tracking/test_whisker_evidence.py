@@ -172,18 +172,19 @@ def test_the_grain_of_a_table_is_no_row_of_whiskers():
 
 
 @pytest.mark.parametrize(
-    ("frames", "ground_px", "names", "found"),
+    ("drawn", "ground_px", "names", "found"),
     [
-        (frames_of(0.1, 1.5, 0.2), 0, (), 1),  # it comes over the border
-        (frames_of(0.1, 1.5, 0.2), 30, (), 1),
-        (frames_of(0.1, 1.5, 0.2), 90, (), 0),
-        (frames_of(0.1, 1.5, 0.2), 90, ("C2",), 1),
-        (row_of(0.1, 1.5, 0.2), 90, (), 4),
+        (frames_of, 0, (), 1),  # it comes over the border
+        (frames_of, 30, (), 1),
+        (frames_of, 90, (), 0),
+        (frames_of, 90, ("C2",), 1),
+        (row_of, 90, (), 4),
     ],
 )
 def test_what_begins_far_inside_a_picture_without_a_face_is_believed_if_named_or_a_clear_row(
-    frames, ground_px, names, found
+    drawn, ground_px, names, found
 ):
+    frames = drawn(0.1, 1.5, 0.2)
     ground = np.random.default_rng(9).normal(LIGHT, 2, (*frames.shape[:2], ground_px))
     bright = np.concatenate([np.rint(ground).astype(np.uint8), frames[:, :, FACE_PX:]], axis=2)
     tables = [{"name": name} for name in names]
