@@ -1,7 +1,7 @@
 """Where the fur of the face moves: the skin, as it whisks, carries it out over the background.
 
 Its edge and its hairs are as thin and dark as whiskers. But beside them it is dark, too, over a
-breadth that no whisker has.
+breadth that no whisker has: together with the face, however little it has moved out.
 """
 
 import numpy as np
@@ -12,6 +12,7 @@ from pipeline.session.parameters import SceneParams
 from pipeline.session.quantities import pixels_in
 
 MOST_FRAMES = 24  # that are looked at
+ROOT_PX = 1.0  # a whisker and the face are broad together at its root, twice this far out
 
 
 def moving_fur(background, frames, masked, pixels_per_mm, params: SceneParams) -> np.ndarray:
@@ -33,5 +34,5 @@ def moving_fur(background, frames, masked, pixels_per_mm, params: SceneParams) -
     seldom = np.zeros(masked.shape)
     for frame, gain in zip(few, frame_gains(few), strict=True):
         light = (1 - params.fur_darkens) * gain * background
-        seldom += opened((frame < light) & ~masked, radius)
-    return seldom >= max(params.fur_moves_share * len(few), 1)
+        seldom += opened((frame < light) | masked, radius) & ~masked
+    return opened(seldom >= max(params.fur_moves_share * len(few), 1), ROOT_PX)

@@ -28,6 +28,15 @@ def drop_doubles(tracks: list[Track], near, near_px: float, follower: Follower) 
             min((a, b), key=follower.claim).lose()
 
 
+def on_line(given_up: list[Track], line: Line, near_px: float) -> Track | None:
+    """The track that was given up on a line that is found anew; it is taken from the list."""
+    for k, track in enumerate(given_up):
+        both = (line, track.given_up), (track.given_up, line)
+        if all(_near(one, other, near_px) > DOUBLE_SHARE for one, other in both):
+            return given_up.pop(k)
+    return None
+
+
 def drop_ghosts(tracks: list[Track], established: int, params) -> None:
     """Give up what is another whisker's blur; a line of `established` frames is none."""
     tracks = seen(tracks)

@@ -88,6 +88,7 @@ class Follower:
                 self.options.base_gap_px, self.bends,
             )
         ):  # fmt: skip
+            track.given_up = line
             track.lose()
 
     def _carry_on(self, line: Line, track: Track, frame: Frame) -> None:

@@ -18,6 +18,7 @@ class Track:
         [px]
     `number`, `age` : of the track; frames in which it was followed
     `expected` : the line in this frame as the turn of its row predicts it
+    `given_up` : the line that was found last, but that no whisker has, mostly by its base
     """
 
     line: Line | None = None
@@ -27,10 +28,11 @@ class Track:
     number: int = 0
     age: int = 0
     expected: Line | None = None
+    given_up: Line | None = None
 
     def take(self, line: Line | None, before: Line | None = None) -> None:
         """Continue with another line."""
-        self.line, self.before = line, before
+        self.line, self.before, self.given_up = line, before, None
 
     def turned_to(self, line: Line) -> float:
         """Turn of a line since the one before [rad], NaN where there is none."""

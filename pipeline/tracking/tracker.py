@@ -82,10 +82,11 @@ class Tracker:
         before = len(self.tracks)
         with lines_in_background(self.model):
             self._follow_all(frame)
+            given_up = [t for t in self.tracks if t.line is None and t.given_up is not None]
             self.tracks = close_tracks.seen(self.tracks)
             self.unchanged = 0 if relit or len(self.tracks) != before else self.unchanged + 1
             if self.unchanged < self.rest or self.unchanged % self._search_every() == 0:
-                self._search(frame)
+                self._search(frame, given_up)
             close_tracks.merge(self.tracks, self.shared_px, frame, self.follower)
             self.tracks = close_tracks.seen(self.tracks)
         return self.tracks
@@ -173,11 +174,14 @@ class Tracker:
         missing = len(self.tracks) < self.whiskers
         return self.to_miss_one if missing else self.to_miss_none
 
-    def _search(self, frame) -> None:
-        """Begin a track for every line that has none."""
+    def _search(self, frame, given_up) -> None:
+        """Begin a track for every line that has none, or go on with one that was just given up."""
         lines = [t.line for t in self.tracks]
         self.model.held.hold(lines)
         wanted = detect.Wanted(least=self.faintest, part=self.near_face)
         for line in detect.detect_crowded(frame, lines, wanted):
-            self.tracks.append(Track(line, number=next(self.number)))
+            track = close_tracks.on_line(given_up, line, self.same_px)
+            track = track or Track(number=next(self.number))
+            track.take(line)
+            self.tracks.append(track)
             self.unchanged = 0

@@ -39,6 +39,15 @@ def test_moving_fur_is_found_where_it_is():
     assert not (fur & away).any()
 
 
+def test_skin_that_moves_out_by_less_than_fur_is_broad_is_moving_fur():
+    out = 6  # px; fur is at least 8 px broad, but behind it is the face
+    fur, _ = found(fur_to=30 + out)
+    there = np.zeros(SHAPE, bool)
+    there[20:80, 30 : 30 + out] = True
+    assert (fur & there).sum() > 0.9 * there.sum()
+    assert not (fur & ~cv2.dilate(there.astype(np.uint8), np.ones((3, 3))).astype(bool)).any()
+
+
 def test_whiskers_are_no_fur():
     fur, _ = found(fur_to=30)
     assert not fur.any()

@@ -56,6 +56,19 @@ def test_it_goes_on_where_all_lines_are_lost_for_some_frames(crowd):
     assert seen[-1] >= len(templates) - 2
 
 
+def test_lines_that_are_given_up_and_found_again_at_once_go_on_with_their_tracks(crowd):
+    trial, scene, templates, options, images = crowd
+    tracker = Tracker(scene, templates, options)
+    for image in images[:6]:
+        before = {track.number: track.line for track in tracker.step(image)}
+    tracker.follower.bends = tracker.follower.bends._replace(at_hook=-1.0)  # no line will do
+    after = {track.number: track.line for track in tracker.step(images[6])}
+    assert len(set(after) & set(before)) >= len(before) - 2
+    for number in set(after) & set(before):
+        was = whisker_at(trial, FRAMES[5], before[number])
+        assert whisker_at(trial, FRAMES[6], after[number]) == was
+
+
 def test_while_lines_rest_new_ones_are_looked_for_every_3_ms_and_found(crowd, monkeypatch):
     _, scene, templates, options, images = crowd
     tracker = Tracker(scene, templates, options)
@@ -222,10 +235,10 @@ def test_what_a_known_line_leaves_beside_it_is_not_fitted_again(monkeypatch):
     monkeypatch.setattr(
         new_lines, "initialise_line", lambda *at: fitted.append(at) or initialise(*at)
     )
-    tracker._search(tracker.frame_of(image, 1.0))
+    tracker._search(tracker.frame_of(image, 1.0), [])
     assert fitted == []
     tracker.tracks.clear()
-    tracker._search(tracker.frame_of(image, 1.0))
+    tracker._search(tracker.frame_of(image, 1.0), [])
     assert len(fitted) > 0
 
 

@@ -29,9 +29,9 @@ class LosingTracker(Tracker):
             self.tracks = [track for track in self.tracks if track.number != self.lost]
         return self.tracks
 
-    def _search(self, frame):
+    def _search(self, frame, given_up):
         if self.frame_number not in LOST:
-            super()._search(frame)
+            super()._search(frame, given_up)
 
 
 def followed(row, scenes=None, **changed):
