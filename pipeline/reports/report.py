@@ -173,7 +173,7 @@ def _tiles(videos, contacts, record):
     made = len(videos) - failed
     yield (
         f"{made}",
-        ("video" if made == 1 else "videos") + (f", {failed} failed" if failed else ""),
+        ("video" if made == 1 else "videos") + (f"; {failed} more failed" if failed else ""),
     )
     yield f"{frames:,}", "frames"
     yield f"{len(contacts):,}", "contacts"

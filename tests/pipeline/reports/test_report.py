@@ -63,7 +63,7 @@ def test_videos_with_their_messages(page):
     assert ">two<" in page
     assert html.escape("<b> & broken") in page
     assert "<b> & broken" not in page
-    assert "2</b>videos, 1 failed" in page
+    assert "2</b>videos; 1 more failed" in page
     assert "100.0 %" in page
     assert "share of the frames in which a whisker is seen" in page
 
