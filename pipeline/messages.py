@@ -202,7 +202,8 @@ def _no_pole(settings, seen) -> str:
     there = f"what was seen is {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
     missing = f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found"
     if seen.other_pole is not None:
-        return f"{missing}, so no contacts; {size_doubt(settings, seen.other_pole)}"
+        other = _of_another_size("what may be one", settings, seen.other_pole)
+        return f"{missing}, so no contacts; {other}"
     if settings.pole.position_px is not None:
         x, y = settings.pole.position_px
         return (
@@ -360,12 +361,18 @@ def size_doubt(settings, pole) -> str | None:
     """A pole that is not as thick as scale and diameter make it: one of them must be wrong."""
     if pole is None:
         return None
+    ratio = 2 * pole.radius_px / settings.recording.pixels_per_mm / settings.pole.diameter_mm
+    return (
+        _of_another_size("the pole", settings, pole) if abs(ratio - 1) > OTHER_THICKNESS else None
+    )
+
+
+def _of_another_size(what, settings, pole) -> str:
+    """How thick `what` looks, and what to correct if that is the pole."""
     x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
     thickness_mm = 2 * pole.radius_px / settings.recording.pixels_per_mm
-    if abs(thickness_mm / settings.pole.diameter_mm - 1) <= OTHER_THICKNESS:
-        return None
     return (
-        f"the pole looks {thickness_mm:.2g} mm thick ({2 * pole.radius_px:.0f} px, at {x:.0f}, "
+        f"{what} looks {thickness_mm:.2g} mm thick ({2 * pole.radius_px:.0f} px, at {x:.0f}, "
         f"{y:.0f} px), but [pole] diameter_mm = {settings.pole.diameter_mm:g}: correct it or "
         f"[recording] pixels_per_mm = {settings.recording.pixels_per_mm:g}, on which lengths and "
         "forces depend"

@@ -133,7 +133,8 @@ def test_an_order_that_is_guessed_is_doubted_before_a_run(monkeypatch):
     (doubt,) = _doubts(settings, seen, SimpleNamespace(pole=None))
     assert doubt.startswith("the order of a to b along the face is guessed")
     seen.other_pole = pole
-    said = "the pole looks 2 mm thick (20 px, at 1, 1 px), but [pole] diameter_mm = 0.5: correct"
-    for each, first in ((pole, ""), (None, "no pole of 0.5 mm (5 px) found, so no contacts; ")):
+    said = "looks 2 mm thick (20 px, at 1, 1 px), but [pole] diameter_mm = 0.5: correct"
+    missing = "no pole of 0.5 mm (5 px) found, so no contacts; what may be one"
+    for each, what in ((pole, "the pole"), (None, missing)):
         size, _ = _doubts(settings, seen, SimpleNamespace(pole=each))
-        assert size.startswith(f"{first}{said}")
+        assert size.startswith(f"{what} {said}")
