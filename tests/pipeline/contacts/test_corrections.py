@@ -336,17 +336,17 @@ def test_merging_two_contacts():
     edited, _ = review((10, 20), (23, 45), (60, 70))
     assert edited.merge(Span("C2", 10, 20)) == Span("C2", 10, 45)
     assert [s[1:] for s in edited.spans] == [(10, 45), (60, 70)]
-    with pytest.raises(EditError, match="no later contact"):
+    with pytest.raises(EditError, match="C2 has no contact after 60–70 to merge with"):
         edited.merge(Span("C2", 60, 70))
 
 
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
-        (lambda r: r.add("C2", 15, 25), "run into the contact 10–20"),
+        (lambda r: r.add("C2", 15, 25), "15–25 would run into contact 10–20 of C2"),
         (lambda r: r.add("C2", 25, 25), "must come behind"),
         (lambda r: r.add("C2", 110, 121), "frames 0 to 119"),
-        (lambda r: r.move(Span("C2", 10, 20), offset=31), "run into the contact 30–45"),
+        (lambda r: r.move(Span("C2", 10, 20), offset=31), "10–31 would run into contact 30–45 of C2"),
         (lambda r: r.move(Span("C2", 10, 20), onset=20), "must come behind"),
     ],
 )
