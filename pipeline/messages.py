@@ -361,22 +361,25 @@ def size_doubt(settings, pole) -> str | None:
     """A pole that is not as thick as scale and diameter make it: one of them must be wrong."""
     if pole is None:
         return None
-    ratio = 2 * pole.radius_px / settings.recording.pixels_per_mm / settings.pole.diameter_mm
-    return (
-        _of_another_size("the pole", settings, pole) if abs(ratio - 1) > OTHER_THICKNESS else None
-    )
+    if abs(_thickness_mm(settings, pole) / settings.pole.diameter_mm - 1) <= OTHER_THICKNESS:
+        return None
+    return _of_another_size("the pole", settings, pole)
 
 
 def _of_another_size(what, settings, pole) -> str:
     """How thick `what` looks, and what to correct if that is the pole."""
     x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
-    thickness_mm = 2 * pole.radius_px / settings.recording.pixels_per_mm
     return (
-        f"{what} looks {thickness_mm:.2g} mm thick ({2 * pole.radius_px:.0f} px, at {x:.0f}, "
-        f"{y:.0f} px), but [pole] diameter_mm = {settings.pole.diameter_mm:g}: correct it or "
-        f"[recording] pixels_per_mm = {settings.recording.pixels_per_mm:g}, on which lengths and "
+        f"{what} looks {_thickness_mm(settings, pole):.2g} mm thick "
+        f"({2 * pole.radius_px:.0f} px, at {x:.0f}, {y:.0f} px), but [pole] diameter_mm = "
+        f"{settings.pole.diameter_mm:g}: correct it or [recording] pixels_per_mm = "
+        f"{settings.recording.pixels_per_mm:g}, on which lengths and "
         "forces depend"
     )
+
+
+def _thickness_mm(settings, pole) -> float:
+    return 2 * pole.radius_px / settings.recording.pixels_per_mm
 
 
 def _assumed_place(settings, pole):

@@ -23,16 +23,14 @@ def drop_doubles(tracks: list[Track], near, near_px: float, follower: Follower) 
     for a, b in _pairs(tracks, near):
         if a.line is None or b.line is None:
             continue
-        both = (a.line, b.line), (b.line, a.line)
-        if all(_near(one, other, near_px) > DOUBLE_SHARE for one, other in both):
+        if _coincide(a.line, b.line, near_px):
             min((a, b), key=follower.claim).lose()
 
 
 def on_line(given_up: list[Track], line: Line, near_px: float) -> Track | None:
     """The track that was given up on a line that is found anew; it is taken from the list."""
     for k, track in enumerate(given_up):
-        both = (line, track.given_up), (track.given_up, line)
-        if all(_near(one, other, near_px) > DOUBLE_SHARE for one, other in both):
+        if _coincide(line, track.given_up, near_px):
             return given_up.pop(k)
     return None
 
@@ -131,6 +129,11 @@ def _run_together(faint, other) -> bool:
         return False
     reach = line_choice.reach(other.line)
     return line_choice.shared_fraction(faint.line, other.line, reach) >= DOUBLE_SHARE
+
+
+def _coincide(a: Line, b: Line, near_px: float) -> bool:
+    """Whether most of each of two lines is within `near_px` of the other."""
+    return all(_near(one, other, near_px) > DOUBLE_SHARE for one, other in ((a, b), (b, a)))
 
 
 def _near(a: Line, b: Line, near_px: float) -> float:
