@@ -120,7 +120,7 @@ def _of_whiskers(settings, tables, followed, advice):
         yield advice.no_pole
     yield from _never_tracked(settings.analysis.follow, whisker_set, advice.lost)
     yield from _seldom_tracked(tables.frames, whisker_set, advice.seldom)
-    doubt = size_doubt(settings, followed.pole)
+    doubt = _size_doubt(settings, followed.pole)
     if doubt:
         yield doubt
     yield from _passes_over(settings, tables, followed.pole)
@@ -190,7 +190,7 @@ def _advice(settings, seen) -> Advice:
         lost="if they are in the picture, check that nothing hides their bases"
         f"{_whether_left_in(settings.image)}; if they are not, take their [[whisker]] tables out, "
         "or others may get their names",
-        seldom="see in the overlay where they are lost (run again with --overlay): if they are "
+        seldom="see in the overlay where they are lost (`run --overlay` draws it): if they are "
         "in view there, leave out what they are taken for with [image] region_px or mask",
     )
 
@@ -354,10 +354,10 @@ def pole_doubt(settings, seen, pole) -> str | None:
     """Message about a pole that is not as thick as expected, found as such or only without."""
     if pole is None and seen.other_pole is not None:
         return _no_pole(settings, seen)
-    return size_doubt(settings, pole)
+    return _size_doubt(settings, pole)
 
 
-def size_doubt(settings, pole) -> str | None:
+def _size_doubt(settings, pole) -> str | None:
     """A pole that is not as thick as scale and diameter make it: one of them must be wrong."""
     if pole is None:
         return None

@@ -175,7 +175,7 @@ def test_where_nothing_is_wrong_nothing_is_said():
          "curvature_at_mm = 5.5; "),
         ({"tracked": 0.5},
          "tracked in only part of the frames: C2 in 50 % (expected: at least 80 %); see in the "
-         "overlay where they are lost"),
+         "overlay where they are lost (`run --overlay` draws it)"),
         ({"tracked": 0.5, "lines": True},
          "tracked in only part of the frames: C2 in 50 % (expected: at least 80 %); where they "
          "are in view, trace them in the other program"),
