@@ -25,14 +25,15 @@ from pipeline.tables.columns import (
 )
 
 OF_LINES = """\
-A row per whisker and frame. `lines = lines.merge(known[["frame", "whisker"]])` keeps the lines
-whose whisker is known; for `known`, see frames.parquet."""
+A row per whisker and frame in which it was found (`tracked` in frames.parquet).
+`lines = lines.merge(known[["frame", "whisker"]])` keeps the lines whose whisker is known; for
+`known`, see frames.parquet."""
 OF_FRAMES = """\
-A row per whisker and frame. `known = frames[frames["confidence"] >= 0.5]` keeps the rows of
-traced lines whose whisker is known. Where session.toml has no `[[whisker]]` tables, or only those
-that `init` writes, without a dimension or another name, whiskers are called w1, w2, … along the
-face. Numbers after that of the last whisker stand for lines that could not be identified; they
-are not in `known`."""
+A row per whisker and frame, whether it was found there or not.
+`known = frames[frames["confidence"] >= 0.5]` keeps the rows of traced lines whose whisker is
+known. Where session.toml has no `[[whisker]]` tables, or only those that `init` writes, without a
+dimension or another name, whiskers are called w1, w2, … along the face. Numbers after that of the
+last whisker stand for lines that could not be identified; they are not in `known`."""
 FILES = {
     "centrelines.parquet": (OF_LINES, CENTRELINE_COLUMNS),
     "frames.parquet": (OF_FRAMES, FRAME_COLUMNS),
