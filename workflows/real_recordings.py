@@ -109,7 +109,7 @@ def processed(video: Path, settings) -> Run:
 def settings_for(video: Path, face: str, scale: str, frames_per_second: float):
     """The settings of a scale, or those that `whiskerforce init` writes."""
     if scale == INIT:
-        return settings_from(findings([look_at(video)])[0])
+        return settings_from(findings({video.name: look_at(video)})[0])
     recording = {"frames_per_second": frames_per_second, "pixels_per_mm": float(scale)}
     return settings_from({"recording": recording | {"face": face}})
 

@@ -90,44 +90,45 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     check_settings_name(folder)
     looks = _look_at_some(folder, look_at, say)
     document, notes = findings(looks)
-    most = max(looks, key=lambda look: len(look.names))
-    preview = preview_of(most.path, settings_from(document, target))
+    shown = max(looks, key=lambda name: len(looks[name].names))
+    preview = preview_of(looks[shown].path, settings_from(document, target))
     document["whisker"] = [{"name": name} for name in preview.names]
     settings = settings_from(document, target)
     old = whole_files.replace_text(target, session_text(settings, notes))
     kept = [f"the earlier settings are kept as {old}"] if old else []
     kept += write_preview(folder / PREVIEW_NAME, preview)
-    return [*_words(looks, preview, target), *kept]
+    return [*_words(looks, shown, preview, target), *kept]
 
 
 def _show(folder, session, say) -> list[str]:
     """Show what is found with a session.toml that a person may have corrected."""
     settings = read_session(session)
-    (preview,) = _look_at_some(folder, lambda path: preview_of(path, settings), say, 1)
+    looks = _look_at_some(folder, lambda path: preview_of(path, settings), say, 1)
+    ((name, preview),) = looks.items()
     kept = write_preview(folder / PREVIEW_NAME, preview)
     return [
         f"{session} is kept (--overwrite writes a new {folder / SETTINGS_NAME})",
-        f"looked at {preview.path.name} with these settings",
+        f"looked at {name} with these settings",
         *preview.words(),
         f"wrote {folder / PREVIEW_NAME}",
         *kept,
     ]
 
 
-def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
-    """What `look` finds in the first, middle and last readable videos."""
+def _look_at_some(folder, look, say, most=LOOKED_AT) -> dict:
+    """What `look` finds in the first, middle and last readable videos, by what they are called."""
     found = find_inputs([folder])
     inputs = [each for each in found if not each.fault]
-    looks, problems = [], [] if inputs else [f"{each.path}: {each.fault}" for each in found]
+    looks, problems = {}, [] if inputs else [f"{each.path}: {each.fault}" for each in found]
     called = called_apart([each.path for each in inputs])
     places = evenly(len(inputs), most).tolist()
     rest = [i for i in range(len(inputs)) if i not in places]
     for i in (*places, *rest):
         if len(looks) == most or (looks and i in rest):
             break
-        say(f"looking at {called[inputs[i].path]} …")
+        say(f"looking at {called[i]} …")
         try:
-            looks.append(look(inputs[i].path))
+            looks[called[i]] = look(inputs[i].path)
         except VideoError as error:
             problems.append(str(error))
     if not looks:
@@ -137,10 +138,10 @@ def _look_at_some(folder, look, say, most=LOOKED_AT) -> list:
     return looks
 
 
-def called_apart(paths) -> dict[Path, str]:
+def called_apart(paths) -> list[str]:
     """What files are called: by their names, with folders where these differ."""
     base = os.path.commonpath([path.parent for path in paths]) if paths else ""
-    return {path: path.relative_to(base).as_posix() for path in paths}
+    return [path.relative_to(base).as_posix() for path in paths]
 
 
 def look_at(path) -> Look:
@@ -208,11 +209,14 @@ def _is_passed_over(scene, frames) -> bool:
 
 
 def findings(looks):
-    """What was found, in session.toml's shape, and a note for every value that is a guess."""
-    first = looks[0]
-    names = max((look.names for look in looks), key=len)
-    poles = [look.pole for look in looks if look.pole]
-    scale = np.median([look.pixels_per_mm for look in looks if look.pole or not poles])
+    """What was found, in session.toml's shape, and a note for every value that is a guess.
+
+    looks : `Look` of each video, by what it is called
+    """
+    first, *_ = found = list(looks.values())
+    names = max((look.names for look in found), key=len)
+    poles = [look.pole for look in found if look.pole]
+    scale = np.median([look.pixels_per_mm for look in found if look.pole or not poles])
     document = {
         "recording": {
             "frames_per_second": FRAMES_PER_SECOND,
@@ -222,10 +226,10 @@ def findings(looks):
         "whisker": [{"name": name} for name in names],
         "pole": {"diameter_mm": POLE_DIAMETER_MM},
     }
-    snout = _snout(looks)
+    snout = _snout(found)
     if snout:
         document["recording"]["snout"] = snout
-    same = len(poles) == len(looks) and np.ptp(np.array(poles)[:, :2], axis=0).max() < 2
+    same = len(poles) == len(found) and np.ptp(np.array(poles)[:, :2], axis=0).max() < 2
     if same:
         x, y, _ = np.mean(poles, axis=0)
         document["pole"] |= {"x_px": round(float(x), 1), "y_px": round(float(y), 1)}
@@ -234,10 +238,11 @@ def findings(looks):
 
 def _notes(looks, snout, scale) -> dict:
     """What the user should know of a value, by its key; a guess begins with GUESS."""
-    width, height = (size / scale for size in looks[0].size)
+    first = next(iter(looks.values()))
+    width, height = (size / scale for size in first.size)
     how = (
         f"GUESS from the pole, taken to be {POLE_DIAMETER_MM:g} mm thick"
-        if any(look.pole for look in looks)
+        if any(look.pole for look in looks.values())
         else f"GUESS, as if the image showed {width:.3g} mm × {height:.3g} mm"
     )
     return {
@@ -263,20 +268,16 @@ def _snout(looks) -> str | None:
 
 
 def _pole_note(looks) -> str:
-    called = called_apart([look.path for look in looks])
     found = [
-        f"({look.pole[0]:.0f}, {look.pole[1]:.0f}) in {called[look.path]}" if look.pole else
-        f"none in {called[look.path]}"
-        for look in looks
-    ]  # fmt: skip
+        f"({look.pole[0]:.0f}, {look.pole[1]:.0f}) in {name}" if look.pole else f"none in {name}"
+        for name, look in looks.items()
+    ]
     return f"here: {', '.join(found)}"
 
 
-def _words(looks, preview, target) -> list[str]:
-    """Lines to print for the user."""
-    called = called_apart([look.path for look in looks])
-    names = ", ".join(called.values())
-    shown = f"; {called[preview.path]} is in the picture" if len(looks) > 1 else ""
+def _words(looks, shown, preview, target) -> list[str]:
+    """Lines to print for the user; `shown` is the look in the preview."""
+    which = f"; {shown} is in the picture" if len(looks) > 1 else ""
     advice = "next: check the lines marked GUESS"
     if preview.names:
         advice += (
@@ -284,7 +285,7 @@ def _words(looks, preview, target) -> list[str]:
             "which looks at all frames and may know fewer whiskers, or more, as its messages say"
         )
     return [
-        f"looked at {names}{shown}",
+        f"looked at {', '.join(looks)}{which}",
         *preview.words(),
         *_unlike(looks),
         f"wrote {target} and {target.parent / PREVIEW_NAME}",
@@ -295,10 +296,10 @@ def _words(looks, preview, target) -> list[str]:
 
 def _unlike(looks):
     """A line where videos are of several cameras or views: one session.toml is for one of them."""
-    kinds, called = defaultdict(list), called_apart([look.path for look in looks])
-    for look in looks:
+    kinds = defaultdict(list)
+    for name, look in looks.items():
         kind = f"{look.size[0]}×{look.size[1]} px, face at the {look.scene.face_side}"
-        kinds[kind].append(called[look.path])
+        kinds[kind].append(name)
     if len(kinds) > 1:
         found = "; ".join(f"{kind} ({', '.join(names)})" for kind, names in kinds.items())
         yield (

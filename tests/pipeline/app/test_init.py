@@ -66,7 +66,7 @@ def test_the_scale_is_from_the_disc_most_similar_to_a_pole():
 
 
 def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():
-    document, notes = findings([Look(Path("a.avi"), scene(DISC), 25.0, ("w1", "w2"))])
+    document, notes = findings({"a.avi": Look(Path("a.avi"), scene(DISC), 25.0, ("w1", "w2"))})
     document["whisker"] = [{"name": "w1"}, {"name": "w2"}]
     text = session_text(settings_from(document), notes)
     (rate,) = [line for line in text.splitlines() if line.startswith("frames_per_second")]
@@ -79,23 +79,23 @@ def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():
 
 def test_a_scale_without_a_pole_says_how_much_the_picture_would_show():
     bare = replace(scene(DISC), pole=None)
-    _, notes = findings([Look(Path("a.avi"), bare, 12.5, ("w1",))])
+    _, notes = findings({"a.avi": Look(Path("a.avi"), bare, 12.5, ("w1",))})
     assert "as if the image showed 25.6 mm × 19.2 mm" in notes["recording.pixels_per_mm"]
 
 
 def test_videos_of_one_name_are_told_apart():
     paths = [Path("one/a/trial.avi"), Path("one/b/trial.avi")]
-    assert list(called_apart(paths).values()) == ["a/trial.avi", "b/trial.avi"]
-    assert list(called_apart(paths[:1]).values()) == ["trial.avi"]
-    looks = [Look(path, scene(DISC), 25.0, ("w1",)) for path in paths]
+    assert called_apart(paths) == ["a/trial.avi", "b/trial.avi"]
+    assert called_apart(paths[:1]) == ["trial.avi"]
+    looks = {name: Look(Path(name), scene(DISC), 25.0, ("w1",)) for name in called_apart(paths)}
     assert "in a/trial.avi, (" in findings(looks)[1]["pole.x_px"]
 
 
 def test_videos_that_one_session_cannot_hold_for_are_named():
     first = Look(Path("a.avi"), scene(DISC), 25.0, ("w1",))
     turned = replace(first, path=Path("b.avi"), scene=replace(first.scene, face_side="top"))
-    assert not list(_unlike([first, first]))
-    (said,) = _unlike([first, turned])
+    assert not list(_unlike({"a.avi": first, "b.avi": first}))
+    (said,) = _unlike({"a.avi": first, "b.avi": turned})
     assert "320×240 px, face at the left (a.avi); 320×240 px, face at the top (b.avi)" in said
 
 
