@@ -318,7 +318,8 @@ class Results:
             self.kept += self._replace_rows(name, video.tables.contacts)
             self.faults.pop(name, None)
         except Exception as error:  # the thread must live; corrections.csv is safe
-            self.faults[name] = f"{type(error).__name__}: {in_words(error)}"
+            kind = "" if isinstance(error, OSError) else f"{type(error).__name__}: "
+            self.faults[name] = f"{kind}{in_words(error)}"
 
     def _replace_rows(self, name, contacts):
         parts = dict(list(self._contacts.groupby("video", sort=False)))

@@ -93,17 +93,16 @@ class Server:
             pass
 
     def on_stop(self, callback) -> None:
-        """Call this when all is written."""
+        """Call this when no page is served any more."""
         self._callbacks.append(callback)
 
     def stop(self) -> None:
-        """Write what is due and end."""
+        """End; what is due is written by the callbacks of `on_stop`."""
         if self._stopped:
             return
         self._stopped = True
         self._loop.add_callback(self._loop.stop)
         self._thread.join()  # from here on no page asks for frames or corrects contacts
-        self.results.close()
         for callback in self._callbacks:
             callback()
 

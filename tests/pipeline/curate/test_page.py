@@ -8,6 +8,7 @@ import shutil
 import socket
 import subprocess
 import sys
+import threading
 import time
 from urllib.parse import urlsplit
 
@@ -163,6 +164,25 @@ def test_results_of_a_killed_run_are_put_in_place_first(results):
     curate(results, open_browser=False, block=False, say=lambda line: None).stop()
     assert is_settled(folder)
     assert (folder / "evidence.parquet").is_file()
+
+
+def test_a_page_ends_where_tables_cannot_be_written(served, monkeypatch):
+    """As in a folder made read-only: what cannot be written is tried again, and named."""
+    server, results = served
+
+    def refuse(*_):
+        raise PermissionError(13, "Permission denied", "contacts.csv")
+
+    monkeypatch.setattr("pipeline.curate.results.files.replace_csv", refuse)
+    name = first_video(results)
+    review = server.results.video(name).review
+    review.delete(review.spans[0])
+    end = threading.Thread(target=server.stop, daemon=True)
+    end.start()
+    end.join(PATIENCE_S)
+    assert not end.is_alive()
+    assert list(server.results.faults) == [name]
+    assert len(read_corrections(results / name)) == 1
 
 
 def test_a_row_that_was_clicked_is_that_contact_whatever_the_list_has_become(results):
@@ -419,6 +439,15 @@ def test_help_and_videos(tab, served):
     assert "last video" in tab.message
     tab.press("V")
     assert tab.chosen_video() == names[0]
+
+
+def test_a_page_without_an_answer_says_what_to_do(tab):
+    """Drawn by the style sheet: nothing else of the page may work then."""
+    script = """document.body.classList.add("lost");
+        return getComputedStyle(document.body, "::before").content"""
+    said = tab.driver.execute_script(script)
+    assert "No answer from whiskerforce" in said
+    assert "run `whiskerforce curate` again" in said
 
 
 PANELS = ("picture", "traces", "below", "items")
