@@ -226,7 +226,7 @@ class Review:
         if span.onset >= span.offset:
             raise EditError(
                 f"the first frame after the contact ({span.offset}) must come behind the first "
-                f"frame of contact ({span.onset}); step on, then press the key again"
+                f"frame of contact ({span.onset}): go to another frame, then press the key again"
             )
         if span.onset < 0 or span.offset > self.n_frames:
             raise EditError(
@@ -236,7 +236,8 @@ class Review:
         for other in self.of_whisker(span.whisker):
             if other not in instead_of and _collide(span, other):
                 raise EditError(
-                    f"{span} would run into contact {other} of {span.whisker}; m merges two"
+                    f"{span} would run into contact {other} of {span.whisker}; to make one of "
+                    "two, select the earlier and press m"
                 )
         return span
 
