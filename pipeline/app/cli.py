@@ -224,25 +224,21 @@ def curate(
     page or with Ctrl-C. decisions.csv in the results folder lists what was decided, by whom and
     when.
     """
+    from pipeline.app.session_files import write_pictures
     from pipeline.curate import curate as open_page
-    from pipeline.reports.figures import write_fig3
-    from pipeline.reports.report import write_report
     from pipeline.reports.session_numbers import damaged_videos
 
     server = open_page(results, port=port, open_browser=browser, say=say, name=name)
     damaged = damaged_videos(results)
-    try:
-        write_fig3(results, damaged=damaged)
-    finally:
-        kept = write_report(results, damaged)
-    for line in (*server.results.kept, *kept):
+    failed, kept = write_pictures(results, damaged=damaged)
+    for line in (*server.results.kept, *kept, *failed):
         say(line)
     for video, fault in server.results.faults.items():
         say(
             f"{results / video}: its corrections are saved, but its tables do not follow from "
             f"them ({fault}): mend that, and curate or run again"
         )
-    if server.results.faults or _say_damaged(damaged):
+    if _say_damaged(damaged) or failed or server.results.faults:
         raise typer.Exit(FAILED)
     say(f"tables, figures and report follow from the corrections: {results / 'report.html'}")
 

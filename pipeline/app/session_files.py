@@ -117,7 +117,15 @@ def with_pictures(summary, due, shown, log):
     """
     if not due and is_drawn(summary.out):
         return summary
-    failed, kept = _write_pictures(summary, shown, log)
+    failed, kept = [], []
+    if any(each.frames for each in summary.outcomes):
+
+        def begin(what):
+            interrupts.check()
+            shown.doing(what)
+            log.write(f"{what}: started")
+
+        failed, kept = write_pictures(summary.out, begin=begin, note=log.write)
     if not failed:
         _mark_drawn(summary.out)
     return replace(summary, problems=(*summary.problems, *failed, *kept))
@@ -143,28 +151,26 @@ def _digest(out) -> str:
     return whole.hexdigest()
 
 
-def _write_pictures(summary, shown, log):
+def write_pictures(out, begin=lambda what: None, note=lambda text: None, **known):
     """Figures and report from the tables; a fault there leaves the tables as they are.
 
+    begin, note : called with the name of each before it is made, and with tracebacks
+    known : `damaged` of `write_fig3` and `write_report`
     Returns sentences on what failed, and on pages that are kept.
     """
     from pipeline.reports import figures, report
 
     failed, kept = [], []
-    if not any(each.frames for each in summary.outcomes):
-        return failed, kept
     makers = {
-        "figures": figures.write_fig3,
-        "report": lambda out: kept.extend(report.write_report(out)),
+        "figures": lambda: figures.write_fig3(out, **known),
+        "report": lambda: kept.extend(report.write_report(out, **known)),
     }
     for what, write in makers.items():
-        interrupts.check()
-        shown.doing(what)
-        log.write(f"{what}: started")
+        begin(what)
         try:
-            write(summary.out)
+            write()
         except Exception as error:
-            log.write(traceback.format_exc())
+            note(traceback.format_exc())
             if isinstance(error, (OSError, InputError)):
                 reason = with_advice(error) if isinstance(error, OSError) else error
                 failed.append(f"the {what} could not be made: {reason}")

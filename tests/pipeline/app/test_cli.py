@@ -263,6 +263,26 @@ def test_curate_gets_the_name_of_the_curator_and_says_which_tables_lack_correcti
     assert "follow from the corrections:" not in said
 
 
+def test_a_report_that_cannot_be_written_is_no_wrong_argument_of_curate(
+    tmp_path, monkeypatch, capsys
+):
+    from pipeline import curate
+    from pipeline.reports import report
+
+    def refuse(results, damaged):
+        raise PermissionError(13, "Permission denied", "report.html")
+
+    results = make_results(tmp_path)
+    opened = SimpleNamespace(results=SimpleNamespace(faults={"trial": "no place"}, kept=[]))
+    monkeypatch.setattr(curate, "curate", lambda *_, **__: opened)
+    monkeypatch.setattr(report, "write_report", refuse)
+    assert exit_code("curate", results, "--no-browser") == 1
+    said = capsys.readouterr().out
+    assert "the report could not be made: report.html: Permission denied; change its" in said
+    assert f"{results / 'trial'}: its corrections are saved" in said
+    assert (results / "figures" / "fig3.png").is_file()
+
+
 DAMAGED = [("session.toml", "[recording"), ("frames.parquet", "half"), ("centrelines.parquet", "")]
 
 
