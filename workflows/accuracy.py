@@ -17,8 +17,6 @@ import argparse
 import sys
 import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,7 +30,6 @@ from accuracy_figures import covered, figures_of, matched, peak_errors, samples_
 from accuracy_tables import tables_text, worst_of
 from accuracy_targets import checks, checks_text
 
-from pipeline.runtime.workers import end_with_parent
 from synthetic.presets import PRESETS
 from synthetic.session import render_session
 
@@ -104,11 +101,7 @@ def wrong_samples(video: measuring.Measured, settings) -> dict[str, np.ndarray]:
 def run_preset(preset, folder, args):
     """Render a preset's videos and measure them all: what `measure_task` returns, of each."""
     started, tasks = time.monotonic(), tasks_of(preset, folder, args)
-    if args.jobs == 1:
-        found = [measure_task(task) for task in tasks]
-    else:
-        with ProcessPoolExecutor(args.jobs, get_context("spawn"), end_with_parent) as pool:
-            found = list(pool.map(measure_task, tasks))
+    found = list(measuring.of_each(measure_task, args.jobs, tasks))
     seconds = time.monotonic() - started
     print(f"{preset}: {len(tasks)} videos in {seconds:.0f} s", file=sys.stderr)
     return [list(each) for each in zip(*found, strict=True)]

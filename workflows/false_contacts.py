@@ -12,8 +12,6 @@ import shutil
 import sys
 import tempfile
 import time
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 
 import measuring
@@ -21,7 +19,6 @@ import pages
 import pandas as pd
 
 from pipeline.run import analyse
-from pipeline.runtime.workers import end_with_parent
 from synthetic.session import render_session
 
 PRESETS = ("free", "near_miss", "passing")
@@ -79,18 +76,15 @@ def main(argv=None) -> int:
     parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
     args = parser.parse_args(argv)
     started = time.monotonic()
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        ProcessPoolExecutor(args.jobs, get_context("spawn"), end_with_parent) as pool,
-    ):
-        waiting = [
-            pool.submit(look_at, preset, seed, Path(folder) / f"{preset}_{seed}", FRAMES)
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        asked = [
+            (preset, seed, Path(folder) / f"{preset}_{seed}", FRAMES)
             for preset, seed in sessions(args.frames, args.seed)
         ]
-        rows = []
-        for future in waiting:
-            rows.append(future.result())
-            print(rows[-1], file=sys.stderr)
+        for row in measuring.of_each(look_at, args.jobs, *zip(*asked, strict=True)):
+            rows.append(row)
+            print(row, file=sys.stderr)
     text = table_of(rows, time.monotonic() - started)
     pages.publish(text, args.write, "false contacts")
     return int(any(row["found"] for row in rows))

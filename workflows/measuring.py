@@ -3,7 +3,9 @@
 import os
 import secrets
 import zlib
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,7 @@ import pandas as pd
 
 from pipeline.contacts import ContactOptions, find_contacts
 from pipeline.run import analyse
-from pipeline.runtime.workers import THREADS
+from pipeline.runtime.workers import THREADS, end_with_parent
 from pipeline.session.session_file import read_session
 from pipeline.tables.centrelines import Centrelines, read_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS
@@ -31,6 +33,15 @@ ONE_THREAD = (*THREADS, "NUMBA_NUM_THREADS")
 def limit_threads() -> None:
     """One thread per process, for this one's children too; call it before numpy computes."""
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+
+
+def of_each(function, jobs: int, *arguments):
+    """Yield `function` of each set of arguments, as `map` does; by several processes if `jobs`."""
+    if jobs == 1:
+        yield from map(function, *arguments)
+        return
+    with ProcessPoolExecutor(jobs, get_context("spawn"), end_with_parent) as pool:
+        yield from pool.map(function, *arguments)
 
 
 def add_seed(parser, of: str) -> None:

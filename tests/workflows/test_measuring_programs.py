@@ -8,6 +8,7 @@ from pathlib import Path
 
 import accuracy
 import false_contacts
+import measuring
 import numpy as np
 import pandas as pd
 import pytest
@@ -191,7 +192,13 @@ def test_free_frames_are_shared_among_presets_and_added_up():
     assert whole == ["all", "4000", "2", "8", "200 frames/s", "500 frames/s"]
 
 
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_several_processes_find_what_one_does_in_order(jobs):
+    assert list(measuring.of_each(pow, jobs, [2, 3], [3, 2])) == [8, 9]
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("lossless_is_quick")
 def test_no_contact_is_found_in_free_frames(capsys, monkeypatch):
     monkeypatch.setattr(false_contacts, "FRAMES", 60)
     assert false_contacts.main(["--frames", "1"]) == 0

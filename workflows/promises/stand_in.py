@@ -1,5 +1,6 @@
 """Runs with a quick stand-in for the analysis: they test the handling of files only."""
 
+import contextlib
 import hashlib
 import os
 import shutil
@@ -89,6 +90,18 @@ def draw_quickly() -> None:
     """Draw no figures in this process from now on, and write a short report."""
     pipeline.reports.figures.write_fig3 = lambda results: None
     pipeline.reports.report.write_report = _write_report
+
+
+@contextlib.contextmanager
+def drawn_quickly():
+    """Draw no figures in this process meanwhile, and write a short report."""
+    figures, report = pipeline.reports.figures, pipeline.reports.report
+    usual = figures.write_fig3, report.write_report
+    draw_quickly()
+    try:
+        yield
+    finally:
+        figures.write_fig3, report.write_report = usual
 
 
 def _write_report(results):
