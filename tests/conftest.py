@@ -87,6 +87,15 @@ def lossless_is_quick():
 
 
 @pytest.fixture
+def nothing_is_drawn():
+    """Runs of a test that looks at tables alone draw no figures, and write a short report."""
+    from promises.stand_in import drawn_quickly
+
+    with drawn_quickly():
+        yield
+
+
+@pytest.fixture
 def video(rendered):
     """The rendered video."""
     return next(rendered.glob("*.avi"))

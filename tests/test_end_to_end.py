@@ -126,6 +126,7 @@ def test_analyse_in_python_gives_the_same_tables(results, rendered, video):
     assert set(analysis.seconds) >= {"scene", "decoding", "centrelines", "contacts"}
 
 
+@pytest.mark.usefixtures("nothing_is_drawn")
 def test_without_dimensions_there_is_everything_but_forces(rendered, video, tmp_path):
     settings = read_session(rendered / "session.toml")
     write_session(tmp_path / "bare.toml", settings.model_copy(update={"whisker": ()}))
@@ -196,6 +197,7 @@ def test_bad_inputs_get_their_message_and_the_others_are_processed(mixed):
     ]
 
 
+@pytest.mark.usefixtures("nothing_is_drawn")
 def test_two_processes_come_to_the_same(mixed, tmp_path):
     folder, out, _ = mixed
     assert exit_code("run", folder / "good.avi", "--out", tmp_path, "--jobs", 1) == 0
@@ -209,6 +211,7 @@ def test_two_processes_come_to_the_same(mixed, tmp_path):
         )
 
 
+@pytest.mark.usefixtures("nothing_is_drawn")
 def test_init_then_run(rendered, video, tmp_path, capsys):
     folder = tmp_path / "mine"
     folder.mkdir()

@@ -6,6 +6,7 @@ import numpy as np
 import other_truth
 import plain_video as plain
 import pytest
+from promises.stand_in import drawn_quickly
 
 from pipeline.session.parameters import DEFAULTS
 
@@ -24,7 +25,9 @@ def filmed(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("plain")
     scene = other_truth.Scene.drawn(request.param)
     truth = scene.film(folder)
-    return SimpleNamespace(scene=scene, truth=truth, found=other_truth.process(folder))
+    with drawn_quickly():
+        found = other_truth.process(folder)
+    return SimpleNamespace(scene=scene, truth=truth, found=found)
 
 
 def test_contacts_and_forces(filmed):
@@ -66,6 +69,7 @@ def test_lengths_are_wrong_by_what_is_assumed_and_nothing_is_hidden_where_there_
     assert other_truth.Scene.drawn(SEEDS[1]).told_mm(rng)[0] == 0
 
 
+@pytest.mark.usefixtures("nothing_is_drawn")
 def test_the_table_alone_is_printed(capfd):
     assert other_truth.main(["--scenes", "1", "--seed", "3"]) == 0
     table, _, counts = capfd.readouterr().out.strip().partition("\n\n")

@@ -2,6 +2,8 @@
 
 import contextlib
 
+from promises.stand_in import drawn_quickly
+
 from pipeline.app import batch
 from pipeline.curate.results import Results
 from pipeline.runtime.progress import Progress
@@ -13,7 +15,8 @@ PATIENCE_S = 20  # for an answer of the page, on a busy machine
 
 
 def process(videos, results, **options):
-    summary = batch.run([videos], results, progress=Progress, **options)
+    with drawn_quickly():
+        summary = batch.run([videos], results, progress=Progress, **options)
     assert not summary.of("failed")
 
 

@@ -161,6 +161,7 @@ def session(tmp_path, motion):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("program", ["dlc", "sleap"])
+@pytest.mark.usefixtures("nothing_is_drawn")
 def test_key_points_become_results(session, motion, tmp_path, program):
     xy = true_points(motion, np.random.default_rng(0))
     if program == "dlc":
