@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from rendered_frames import rendered_frames
 
 import pipeline.run
 from pipeline import __version__
@@ -17,9 +18,8 @@ from pipeline.session.session_file import (
     write_session,
 )
 from pipeline.tables.run_record import STATE_FILE, write_state
+from pipeline.video.arrays import ArrayVideo
 from pipeline.video.base import RandomAccessVideo
-from synthetic.presets import make_trial
-from synthetic.render import Renderer
 
 N_FRAMES = 40
 SAME = 0.05  # px, between the centrelines with and without the rest of the picture
@@ -34,14 +34,12 @@ class Rendered(RandomAccessVideo):
     """A rendered whisker; `bright`: its negative; `disturbed`: beside something that moves."""
 
     def __init__(self, bright=False, disturbed=False):
-        trial = make_trial("single", 3, 0)
-        self._renderer = Renderer(trial.scene, trial.motion)
+        self._images = rendered_frames("single", N_FRAMES)
         self._bright, self._disturbed = bright, disturbed
-        camera = trial.scene.camera
-        super().__init__("rendered", camera.width, camera.height, N_FRAMES)
+        super().__init__("rendered", *self._images.shape[:0:-1], N_FRAMES)
 
     def _load(self, index):
-        frame = self._renderer.frame(index).copy()
+        frame = self._images[index].copy()
         if self._disturbed and (index // 8) % 2:
             frame[BLOCK] = 5
         return np.invert(frame) if self._bright else frame
@@ -144,19 +142,11 @@ def test_a_person_says_which_polarity(monkeypatch, whole):
 
 @pytest.mark.e2e
 def test_followed_whiskers_alone_are_in_the_tables(monkeypatch):
-    trial = make_trial("row", 3, 0)
-    renderer = Renderer(trial.scene, trial.motion)
-
-    class Row(RandomAccessVideo):
-        def _load(self, index):
-            return renderer.frame(index)
-
-    camera = trial.scene.camera
     names = ["C4", "C3", "C2", "C1"]
     session = {"whisker": [{"name": name} for name in names]}
     results = []
     for follow in ({}, {"follow": ["C3", "C1"]}):
-        video = Row("row", camera.width, camera.height, N_FRAMES)
+        video = ArrayVideo(rendered_frames("row", N_FRAMES))
         rows, analysis = traced(monkeypatch, video, settings(**session, analysis=follow))
         results.append((rows, analysis.frames))
     (every, all_frames), (some, frames) = results

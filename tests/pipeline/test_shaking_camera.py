@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from rendered_frames import rendered_frames
 
 import pipeline.run
 from pipeline.run import analyse
@@ -11,8 +12,6 @@ from pipeline.session.session_file import settings_from
 from pipeline.tables.centrelines import Centrelines
 from pipeline.video.arrays import ArrayVideo
 from pipeline.video.base import RandomAccessVideo
-from synthetic.presets import make_trial
-from synthetic.render import Renderer
 
 N_FRAMES = 40
 NOISE = 1.5  # grey levels
@@ -32,12 +31,11 @@ class Rendered(RandomAccessVideo):
     """A rendered whisker before a shaking camera, or one at rest."""
 
     def __init__(self, shakes=None):
-        trial = make_trial("single", 3, 0)
-        self._renderer, self._shakes = Renderer(trial.scene, trial.motion), shakes
-        super().__init__("rendered", trial.scene.camera.width, trial.scene.camera.height, N_FRAMES)
+        self._images, self._shakes = rendered_frames("single", N_FRAMES), shakes
+        super().__init__("rendered", *self._images.shape[:0:-1], N_FRAMES)
 
     def _load(self, index):
-        frame = self._renderer.frame(index).copy()
+        frame = self._images[index].copy()
         return frame if self._shakes is None else moved(frame, self._shakes[index])
 
 
