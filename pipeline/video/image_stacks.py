@@ -203,7 +203,7 @@ class ImageFolderVideo(ImageStack):
             self.notes = (
                 f"the numbers of the images leave out {len(missing)} "
                 f"({', '.join(map(str, missing[:SHOWN]))}{', …' * (len(missing) > SHOWN)}): "
-                "later times are too early",
+                "later times are too early; copy them here, if they were recorded",
             )
 
     def _image(self, index):
