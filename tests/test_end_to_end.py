@@ -276,3 +276,4 @@ def test_demo_says_why_all_videos_failed(rendered, tmp_path, monkeypatch):
     said = []
     assert demo.run_demo(tmp_path / "demo", 1, None, said.append)
     assert any("failed: " in line and "out of memory" in line for line in said)
+    assert not any("report.html" in line or "fig3.png" in line for line in said)

@@ -78,7 +78,8 @@ class Summary:
 
     `lost` are videos that have gone from the folders of this run: their results stay, but are not
     in the session's tables. `problems` are sentences on the session's own files: settings, tables,
-    figures, report. `said` are videos whose messages were shown as they ended.
+    figures, report; `undrawn` where figures or report could not be made. `said` are videos whose
+    messages were shown as they ended.
     """
 
     out: Path
@@ -88,6 +89,7 @@ class Summary:
     interrupted: bool = False
     lost: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
+    undrawn: bool = False
     said: frozenset[str] = frozenset()
 
     @property

@@ -1,6 +1,6 @@
 """The `whiskerforce` command: arguments, progress, exit status; no science.
 
-Exit status: 0 all done; 1 some videos failed; 2 unusable arguments or settings.
+Exit status: 0 all done; 1 some videos, figures or report failed; 2 unusable arguments or settings.
 """
 
 import os

@@ -85,7 +85,7 @@ def _check_folder(folder, preset):
 def run_demo(out, jobs, progress, say) -> bool:
     """Render a small session, process it and print its contacts beside the truth.
 
-    Returns True if a video failed. `progress` as in `batch.run`.
+    Returns True if a video, or figures or report, failed. `progress` as in `batch.run`.
     """
     started = time.monotonic()
     videos, results = Path(out) / "videos", Path(out) / "results"
@@ -97,6 +97,8 @@ def run_demo(out, jobs, progress, say) -> bool:
     contacts, truth = read_contacts(results), read_truth(results)
     for line in comparison(contacts, truth) if truth is not None else ():  # else all have failed
         say(line)
+    for problem in summary.problems:
+        say(f"warning: {problem}")
     for each in summary.of("failed"):
         say(f"failed: {each.video}: {each.message}")
     say("")
@@ -106,9 +108,10 @@ def run_demo(out, jobs, progress, say) -> bool:
         ("figures", results / "figures" / "fig3.png"),
         ("report", results / "report.html"),
     ):
-        say(f"{what:<17} {path.resolve()}")
+        if path.exists():
+            say(f"{what:<17} {path.resolve()}")
     say(f"done in {duration(time.monotonic() - started)}; next: whiskerforce init YOUR_FOLDER")
-    return bool(summary.of("failed"))
+    return bool(summary.of("failed") or summary.undrawn)
 
 
 def comparison(contacts, truth):

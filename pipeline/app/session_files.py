@@ -128,7 +128,8 @@ def with_pictures(summary, due, shown, log):
         failed, kept = write_pictures(summary.out, begin=begin, note=log.write)
     if not failed:
         _mark_drawn(summary.out)
-    return replace(summary, problems=(*summary.problems, *failed, *kept))
+    problems = (*summary.problems, *failed, *kept)
+    return replace(summary, problems=problems, undrawn=bool(failed))
 
 
 def is_drawn(out) -> bool:

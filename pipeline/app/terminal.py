@@ -64,7 +64,7 @@ def finish_run(summary, debug, say_result):
             "makes figures and report"
         )
         raise typer.Exit(INTERRUPTED)
-    leave(failed)
+    leave(failed or summary.undrawn)
 
 
 def _results(summary):

@@ -147,6 +147,7 @@ def test_a_figure_that_cannot_be_made_costs_no_table(folder, calls, tmp_path, mo
     out = tmp_path / "results"
     summary = batch.run([folder], out)
     assert summary.problems == ("the figures could not be made (ZeroDivisionError: oops)",)
+    assert summary.undrawn
     assert contact_videos(out) == ["a", "b"]
     assert "ZeroDivisionError" in (out / "run.log").read_text()
 

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -65,6 +66,13 @@ def test_exit_status_of_run(ran, capsys, statuses, code):
     assert exit_code("run", "x", "--out", "y") == code
     videos = "1 video:" if len(statuses) == 1 else f"{len(statuses)} videos:"
     assert videos in capsys.readouterr().out
+
+
+def test_not_all_is_done_where_the_report_could_not_be_made(ran, monkeypatch):
+    ran("done")
+    undrawn = replace(batch.run(), undrawn=True)
+    monkeypatch.setattr(batch, "run", lambda *_: undrawn)
+    assert exit_code("run", "x", "--out", "y") == 1
 
 
 def test_last_lines_say_what_failed_and_why(ran, capsys):
