@@ -1,5 +1,6 @@
 """Frames of a rendered row whose whiskers stand closer than they move, and the truth in them."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +29,13 @@ class Row(NamedTuple):
 
 def dense_row(frames) -> Row:
     """Some frames of a trial of the preset `dense_row`."""
+    renderer, row = _without_images()
+    return row._replace(images=[renderer.frame(i) for i in frames])
+
+
+@cache
+def _without_images() -> tuple[Renderer, Row]:
+    """The trial's renderer, and what a tracker needs, made once for all tests of a process."""
     trial = make_trial("dense_row", 0, 0)
     renderer, camera = Renderer(trial.scene, trial.motion), trial.scene.camera
     recording = Recording(camera.frames_per_second, camera.pixels_per_mm, trial.scene.face.side)
@@ -35,7 +43,7 @@ def dense_row(frames) -> Row:
     scene = scene_from_frames(wide, recording, 0.5e-3, None, len(trial.motion))
     options = options_for(recording)
     templates = find_templates(wide[::2], scene, options)
-    return Row(trial, scene, templates, options, [renderer.frame(i) for i in frames])
+    return renderer, Row(trial, scene, templates, options, [])
 
 
 def whisker_at(trial, frame, line):
