@@ -175,7 +175,7 @@ class Seen:
     whisker_set : `WhiskerSet`, whose templates are those of real lines
     odd : `SeenLength` that contradicts the settings, as in `tracking.odd_length`, or None
     frames : numbers of the frames that were looked at
-    other_pole : `Pole` of another size than the settings say, where no other is seen
+    other_pole : `Pole` of another size than the settings say, where whiskers but no other are seen
     """
 
     video: Video
@@ -223,7 +223,7 @@ def find_whiskers(video, survey, epochs, settings) -> Seen:
     if not whisker_set.templates and settings.pole.position_px is None:
         epochs = without_poles(epochs)
     odd = odd_length(*sample, epochs, whisker_set.templates, settings)
-    other = _other_pole(sample[1], epochs, settings)
+    other = _other_pole(sample[1], epochs, settings) if whisker_set.templates else None
     return Seen(video, epochs, whisker_set, odd, sample[0], other)
 
 
