@@ -29,11 +29,11 @@ LENGTH_SD = 0.08  # of the logarithm of a whisker's length
 NO_NAME = 4.5  # cost of a line without a name, as of a length 3 SD off
 NO_LINE = 2.0  # cost of a whisker without a line in a frame
 MAY_MISLEAD = THICKNESS, LENGTH  # names are found once more without each of these
-SURE = 12  # a naming weighs this power of the best one's cost over its own
+SURE = 4  # a naming weighs this power of the best one's cost over its own
 LEAST_COST = 0.02  # per line, up to which namings are as good
 NAMELESS = 0.5  # part of the weight of no name that counts: a line is seldom no whisker's
 GOES_ON = 0.5  # of the weight that stays: with less, a track goes on with another whisker
-ALIKE = 2.0  # power of a name's share: namings of the same lines share errors, too
+ALIKE = 1.5  # power of a name's share: namings of the same lines share errors, too
 
 
 def best_names(lines) -> tuple[np.ndarray, np.ndarray]:
