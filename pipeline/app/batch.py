@@ -18,7 +18,6 @@ from pipeline.app.earlier_results import (
 from pipeline.app.outcome import Outcome
 from pipeline.app.session_files import (
     check_folder,
-    refuse_foreign_files,
     with_pictures,
     write_session_file,
     write_tables,
@@ -38,15 +37,14 @@ from pipeline.curate.corrected import follow_corrections
 from pipeline.errors import InputError, counted
 from pipeline.runtime.folder_lock import locked
 from pipeline.runtime.progress import Progress, duration
-from pipeline.runtime.run_log import LOG_FILE, RunLog
+from pipeline.runtime.run_log import RunLog
 from pipeline.runtime.workers import run_tasks
 from pipeline.session.input_settings import guesses_left, has_session_of, settings_of
 from pipeline.session.inputs import find_inputs, readable
-from pipeline.session.results_folders import results_folders
+from pipeline.session.results_folders import make_results_folder, results_folders
 from pipeline.session.session_file import settings_digest
-from pipeline.tables.own_files import make_folder
 from pipeline.tables.result_exchange import settle_all
-from pipeline.tables.run_record import read_run, read_state
+from pipeline.tables.run_record import read_state
 
 # What a video goes through, and the time that each takes, beside that of following its whiskers
 STAGES = {
@@ -171,14 +169,11 @@ def run(
 
 def _checked(source, paths, out, config):
     """Inputs, their settings by path, guesses in these; InputError where `run` cannot begin."""
-    is_ours = (out / LOG_FILE).exists() or "version" in read_run(out)
     inputs = source.find(paths, out)
     _check_inputs(inputs)
     settings, guesses = settings_of(inputs, config), guesses_left(inputs, config)
     source.check(settings.values())
-    make_folder(out)
-    if not is_ours:
-        refuse_foreign_files(out)
+    make_results_folder(out, inputs)
     return inputs, settings, guesses
 
 

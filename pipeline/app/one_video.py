@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pipeline.app.terminal import FAILED, UNUSABLE
 from pipeline.errors import InputError, counted
-from pipeline.session.results_folders import results_folders
+from pipeline.session.results_folders import make_results_folder, results_folders
 from pipeline.session.session_file import SettingsError
 
 JOBS = ".jobs"  # folder in the results folder, for what jobs leave
@@ -37,8 +37,10 @@ def planned_names(inputs, out) -> dict:
     from pipeline.runtime.folder_lock import locked
     from pipeline.tables.whole_files import read_json, write_json
 
-    plan = Path(out) / JOBS / NAMES
-    plan.parent.mkdir(parents=True, exist_ok=True)
+    out = Path(out)
+    make_results_folder(out, inputs)
+    plan = out / JOBS / NAMES
+    plan.parent.mkdir(exist_ok=True)
     paths = {each.path: str(each.path.resolve()) for each in inputs}
     with locked(plan.parent, PATIENCE_S):
         known = read_json(plan, {})

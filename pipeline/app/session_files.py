@@ -13,7 +13,7 @@ from pipeline import __version__
 from pipeline.curate.corrected import write_session_tables
 from pipeline.errors import InputError, in_words, why, with_advice
 from pipeline.runtime import interrupts
-from pipeline.session.input_settings import PREVIEW_NAME, SETTINGS_NAME
+from pipeline.session.input_settings import SETTINGS_NAME
 from pipeline.session.inputs import readable
 from pipeline.session.results_folders import SESSION_FILES
 from pipeline.session.session_file import session_text
@@ -24,18 +24,6 @@ from pipeline.tables.run_record import STATE_FILE, read_run
 from pipeline.tables.whole_files import sha256
 
 LISTED = (".", "figures", "figures/courses")  # folders of what is written for the whole session
-
-
-def refuse_foreign_files(out):
-    """Raise if a folder that no run has used has files that a run would replace."""
-    written = set(SESSION_FILES) - {SETTINGS_NAME, PREVIEW_NAME}
-    there = sorted(name for name in written if (out / name).is_file())
-    there += [f"figures/{path.name}" for path in sorted(out.glob("figures/fig3*"))]
-    if there:
-        raise InputError(
-            f"--out {out}: holds {there[0]}, which no run of whiskerforce has written there and "
-            "this one would replace; move it away, or choose another folder"
-        )
 
 
 def check_folder(out):

@@ -7,12 +7,14 @@ import unicodedata
 from pathlib import Path
 
 from pipeline.errors import InputError, need_content, need_folder
+from pipeline.runtime.run_log import LOG_FILE
 from pipeline.session.content import same_input, sha256, stamp
 from pipeline.session.input_settings import PREVIEW_NAME, SETTINGS_NAME
 from pipeline.session.inputs import Input, readable
 from pipeline.session.schema import FORMULA
+from pipeline.tables.own_files import make_folder
 from pipeline.tables.run_record import STATE_FILE, read_run, read_state, recorded_path
-from pipeline.video.open import RESULT_FOLDERS
+from pipeline.video.open import RESULT_FOLDERS, find_videos
 
 SESSION_FILES = (
     "videos.csv",
@@ -27,6 +29,32 @@ SESSION_FILES = (
 RESERVED_NAMES = (*RESULT_FOLDERS, *SESSION_FILES)  # no video's results folder may be called so
 LEFT_OVER = ("corrections.csv", "frames.parquet")  # these mark a video's folder without record
 UNSAFE = re.compile(r"[/\\\x00-\x1f\x7f]")  # path separators, control characters
+
+
+def make_results_folder(out, inputs) -> None:
+    """Make `out` where it is missing.
+
+    InputError where that cannot be, or where no run has used it yet, but it holds recordings or
+    files of the names of results.
+    """
+    make_folder(out)
+    if (out / LOG_FILE).exists() or "version" in read_run(out):
+        return
+    places = {place for each in inputs for place in (each.root, each.path, each.path.parent)}
+    is_source = out.resolve() in {place.resolve() for place in places}
+    if is_source or any(path.is_file() for path in find_videos([out])):
+        raise InputError(
+            f"--out {out}: results would lie among the recordings in it; choose another folder, "
+            f"such as {out / 'results'}"
+        )
+    written = set(SESSION_FILES) - {SETTINGS_NAME, PREVIEW_NAME}
+    there = sorted(name for name in written if (out / name).is_file())
+    there += [f"figures/{path.name}" for path in sorted(out.glob("figures/fig3*"))]
+    if there:
+        raise InputError(
+            f"--out {out}: holds {there[0]}, which no run of whiskerforce has written there and "
+            "this one would replace; move it away, or choose another folder"
+        )
 
 
 def results_folders(inputs, out, planned=()) -> dict:
