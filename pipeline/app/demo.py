@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.app import batch, warm_up
+from pipeline.app.terminal import say_problems
 from pipeline.errors import InputError, counted
 from pipeline.reports.session_numbers import read_contacts, read_truth
 from pipeline.runtime.progress import Progress, duration
@@ -97,10 +98,7 @@ def run_demo(out, jobs, progress, say) -> bool:
     contacts, truth = read_contacts(results), read_truth(results)
     for line in comparison(contacts, truth) if truth is not None else ():  # else all have failed
         say(line)
-    for problem in summary.problems:
-        say(f"warning: {problem}")
-    for each in summary.of("failed"):
-        say(f"failed: {each.video}: {each.message}")
+    say_problems(summary, say)
     say("")
     for what, path in (
         ("videos and truth", videos),

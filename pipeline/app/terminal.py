@@ -51,20 +51,24 @@ def finish_run(summary, debug, say_result):
     """
     for line in _results(summary):
         say_result(line)
-    for line in _warnings(summary):
-        say(line)
-    failed = summary.of("failed")
-    for each in failed:
-        if debug and each.details:
-            typer.echo(each.details, err=True)
-        say(f"failed: {each.video} ({each.path}): {each.message}")
+    say_problems(summary, say, debug)
     if summary.interrupted:
         say(
             "interrupted; finished videos are kept: the same command continues from here and "
             "makes figures and report"
         )
         raise typer.Exit(INTERRUPTED)
-    leave(failed or summary.undrawn)
+    leave(summary.of("failed") or summary.undrawn)
+
+
+def say_problems(summary, say, debug=False):
+    """Say what went wrong in a run, failures last, with tracebacks if `debug`."""
+    for line in _warnings(summary):
+        say(line)
+    for each in summary.of("failed"):
+        if debug and each.details:
+            typer.echo(each.details, err=True)
+        say(f"failed: {each.video} ({each.path}): {each.message}")
 
 
 def _results(summary):
