@@ -24,6 +24,7 @@ INTERPOLATION = 0.003  # error of interpolated pixels, share of the light
 RADIUS_RANGE = (0.7, 1.45)  # of the expected radius: the scale may be a little off
 LEAST_ARC = 0.55  # of the circumference must be seen as edge: a corner has 0.5, a rod's end 0.65
 MOST_RESIDUAL = 0.05  # of the edge's contrast, root mean square
+LEAST_BLUR = 1e-3  # px
 MISFITS = 0.1  # of the edge's pixels
 LEAST_CONTRAST = 0.2  # share of the light that the disc takes
 OPAQUE, GREY_ARC = 0.8, 0.3  # what takes less light must show so much of its edge: fur does not
@@ -150,7 +151,23 @@ class Disc(NamedTuple):
     def light(self, px, py):
         """The light at pixels."""
         distance = np.hypot(px - self.x, py - self.y)
-        return blurred_edge(distance, self.radius, self.blur + 1e-3, self.inside, self.outside)
+        return blurred_edge(
+            distance, self.radius, self.blur + LEAST_BLUR, self.inside, self.outside
+        )
+
+    def slopes(self, px, py):
+        """Derivatives of the light at pixels by x, y, radius, blur, inside, outside, (n, 6)."""
+        dx, dy, blur = px - self.x, py - self.y, self.blur + LEAST_BLUR
+        distance = np.hypot(dx, dy)
+        width = np.sqrt(2) * blur
+        off = (distance - _half_level(self.radius, blur)) / width
+        dark = 0.5 * erfc(off)
+        steep = (self.outside - self.inside) / np.sqrt(np.pi) * np.exp(-(off**2))
+        outward = steep / width / np.maximum(distance, 1e-9)
+        by_radius = -steep / width * (1 + blur**2 / (2 * self.radius**2))
+        by_blur = steep * (1 / (np.sqrt(2) * self.radius) - off / blur)
+        each = -outward * dx, -outward * dy, by_radius, by_blur, dark, 1 - dark
+        return np.column_stack(each)
 
 
 def _edge_pixels(image, x, y, radius, used):
@@ -167,19 +184,28 @@ def _edge_pixels(image, x, y, radius, used):
 
 
 def _fit_edge(image, x, y, radius, used, expected):
-    """Least squares over the pixels around the used arc: the `Disc`, or None."""
+    """Least squares over the pixels around the used arc: the `Disc`, or None.
+
+    An edge that is more blurred than the disc is large is no disc's.
+    """
     px, py, values = _edge_pixels(image, x, y, radius, used)
+    trust = PIXEL_SD / (RADIUS_TRUST * expected)
 
     def residuals(p):
         disc = Disc.of(p)
-        prior = PIXEL_SD * (disc.radius - expected) / (RADIUS_TRUST * expected)
-        return np.append(disc.light(px, py) - values, prior)
+        return np.append(disc.light(px, py) - values, trust * (disc.radius - expected))
+
+    def slopes(p):
+        by = np.vstack([Disc.of(p).slopes(px, py), [0, 0, trust, 0, 0, 0]])
+        by[:, 3] *= np.sign(p[3])
+        return by
 
     if len(values) < 12:
         return None
     start = [x, y, radius, 1.0, np.quantile(values, 0.1), np.quantile(values, 0.9)]
-    fit = Disc.of(least_squares(residuals, start, x_scale="jac", method="lm", max_nfev=200).x)
-    return fit if np.isfinite(fit).all() and fit.radius > 0 else None
+    solved = least_squares(residuals, start, slopes, x_scale="jac", method="lm", max_nfev=50)
+    fit = Disc.of(solved.x)
+    return fit if np.isfinite(fit).all() and fit.radius > fit.blur else None
 
 
 def _unshaded(disc, image, angles, used, touched):
@@ -238,8 +264,13 @@ def _misfit(disc, image, used):
 
 def blurred_edge(distance, radius, blur, inside, outside):
     """Intensity at `distance` from the centre of a disc blurred with a Gaussian of SD `blur`."""
-    half_level = radius - blur**2 / (2 * radius)
-    return outside + (inside - outside) * 0.5 * erfc((distance - half_level) / (np.sqrt(2) * blur))
+    off = (distance - _half_level(radius, blur)) / (np.sqrt(2) * blur)
+    return outside + (inside - outside) * 0.5 * erfc(off)
+
+
+def _half_level(radius, blur):
+    """Distance from the centre of a blurred disc at which half the light passes."""
+    return radius - blur**2 / (2 * radius)
 
 
 def plausible(circle, radius_px, near_xy) -> bool:

@@ -46,6 +46,16 @@ def scene(
     return (image + np.random.default_rng(seed).normal(0, noise, shape)).astype(np.float32)
 
 
+@pytest.mark.parametrize("parameter", range(len(Disc._fields)))
+def test_slopes_are_those_of_the_light(parameter):
+    model = np.array([20.3, 19.6, 7.0, 1.2, 0.1, 0.9])
+    py, px = (grid.ravel().astype(float) for grid in np.mgrid[:40, :40])
+    step = 1e-5 * np.eye(len(model))[parameter]
+    more, less = (Disc(*model + by).light(px, py) for by in (step, -step))
+    slopes = Disc(*model).slopes(px, py)[:, parameter]
+    assert slopes == pytest.approx((more - less) / 2e-5, abs=1e-8)
+
+
 def test_a_disc_whose_edge_is_not_in_the_picture_fits_nothing():
     away = Disc(x=-40.0, y=60.0, radius=10.0, blur=0.7, inside=0.0, outside=1.0)
     assert _misfit(away, scene(80, 60, 10), np.ones(len(rays()), bool)) == np.inf
