@@ -95,6 +95,8 @@ def run_demo(out, jobs, progress, say) -> bool:
         render(videos, DEMO_PRESET, DEMO_SEED, DEMO_TRIALS, max(jobs - 1, 1), progress, say)
     say("processing it …")
     summary = batch.run([videos], results, jobs=jobs, overwrite=True, progress=progress)
+    if summary.interrupted:
+        raise KeyboardInterrupt
     contacts, truth = read_contacts(results), read_truth(results)
     for line in comparison(contacts, truth) if truth is not None else ():  # else all have failed
         say(line)

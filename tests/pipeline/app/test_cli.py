@@ -14,7 +14,7 @@ from pyarrow import parquet
 from results_folder import make_results
 from typer.main import get_command
 
-from pipeline.app import batch, cli
+from pipeline.app import batch, cli, demo
 from pipeline.app.batch import Summary
 from pipeline.app.outcome import Outcome
 from pipeline.runtime import numba_cache
@@ -566,6 +566,14 @@ def test_who_ends_a_command_finds_no_half_files_and_no_traceback(signal, tmp_pat
     assert ended.returncode == 130
     assert "Traceback" not in ended.stderr
     assert [path.name for path in tmp_path.iterdir()] == [LOCK_FILE]
+
+
+def test_a_demo_that_is_interrupted_is_not_done(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(demo, "render", lambda *_: None)
+    ended = summary(tmp_path, "done", interrupted=True)
+    monkeypatch.setattr(batch, "run", lambda *_, **how: ended)
+    assert exit_code("demo", "--out", tmp_path / "demo", "--jobs", "1") == 130
+    assert "done" not in capsys.readouterr().out
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="there, no process interrupts itself so")
