@@ -56,6 +56,10 @@ def open_video(path, threads: int = 1) -> Video:
         raise VideoError(path, "does not exist; check the name")
     if not path.is_file():
         raise VideoError(path, "is a pipe or a device, not a file; save the video first")
+    if not path.stat().st_size:
+        raise VideoError(
+            path, "cannot be read as a video: the file is empty; copy or record it again"
+        )
     suffix = path.suffix.lower()
     if suffix in TIFF_SUFFIXES:
         from pipeline.video.image_stacks import TiffVideo
@@ -94,8 +98,6 @@ def _looks(path, reason):
     """Describe a file that is not a video, and say what to do; `reason`: the decoder's."""
     with open(path, "rb") as file:
         head = file.read(512)
-    if not head:
-        return "the file is empty; copy or record it again"
     if _is_text(head):
         line = head.decode("utf-8", "replace").splitlines()[0].strip()[:40]
         return f"it is a text file beginning {line!r}; remove it, or name a video"

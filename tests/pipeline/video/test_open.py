@@ -334,9 +334,10 @@ class TestBrokenFiles:
         path.write_bytes(("x" + "é" * 400).encode())
         assert "text file" in _looks(path, "Invalid data")
 
-    def test_empty_file(self, tmp_path):
-        (tmp_path / "a.avi").touch()
-        assert "as a video: the file is empty; copy" in str(error_of(tmp_path / "a.avi"))
+    @pytest.mark.parametrize("name", ["a.avi", "a.mp4", "a.cine", "a.seq", "a.tif", "a.png"])
+    def test_empty_file(self, tmp_path, name):
+        (tmp_path / name).touch()
+        assert "as a video: the file is empty; copy" in str(error_of(tmp_path / name))
 
     def test_missing_file(self, tmp_path):
         assert "does not exist" in str(error_of(tmp_path / "a.avi"))
