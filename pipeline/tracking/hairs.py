@@ -1,9 +1,11 @@
 """Hairs that grow apart from the row of whiskers: before an ear or an eye, or on the cheek.
 
 Whiskers of one side stand close together. What stands apart from all of them and is thin, short
-or seldom seen is a hair of the fur, however much it looks like a whisker. The first look, which knows
-no whisker yet, compares a line with all others together: a short whisker beside a single long one
-is kept. Once whiskers are known, it is compared with a typical one of them.
+or seldom seen is a hair of the fur, however much it looks like a whisker.
+
+The first look, which knows no whisker yet, compares a line with all others together: thus it keeps
+a short whisker beside a single long one. Once whiskers are known, a line is compared with a
+typical one of them.
 """
 
 import cv2
