@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import av
 import av.logging
+import cv2
 
 ENDED_EARLY = "ended prematurely"  # what demuxers log of a file that is cut off
 HARMLESS = ("Warning MVs not available",)  # logged for every stream that begins within a group
@@ -78,3 +79,14 @@ def lost_pages():
     finally:
         logger.removeHandler(handler)
         said[:] = [text for text in said if any(word in text for word in OF_PAGES)]
+
+
+@contextlib.contextmanager
+def silent_opencv():
+    """Let OpenCV write nothing to the terminal while the block lasts; messages name damage."""
+    log = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging  # OpenCV 4, 5
+    level = log.setLogLevel(0)
+    try:
+        yield
+    finally:
+        log.setLogLevel(level)

@@ -12,7 +12,7 @@ import tifffile
 from pipeline.errors import VideoError, counted
 from pipeline.numerics.runs import evenly
 from pipeline.video.base import RandomAccessVideo, bits_to_drop, check_pixels, to_8_bit
-from pipeline.video.decoder_log import lost_pages
+from pipeline.video.decoder_log import lost_pages, silent_opencv
 from pipeline.video.frame_faults import SHOWN, missing_numbers
 
 PNG = b"\x89PNG\r\n\x1a\n"  # a file of that kind begins so; width and height are at byte 16
@@ -192,15 +192,21 @@ def _unpacked(page):
 
 
 class ImageFolderVideo(ImageStack):
-    """Image files, in the given order, as one video."""
+    """Image files, in the given order, as one video; `left_out` are those of other kinds."""
 
-    def __init__(self, path, files):
+    def __init__(self, path, files, left_out=()):
         self._path = path
         self._files = list(files)
         super().__init__(path, len(self._files))
+        if left_out:
+            self.notes += (
+                f"{counted(len(left_out), 'image')} of another kind left out ({left_out[0].name}"
+                f"{', …' * (len(left_out) > 1)}): a video has images of one kind, here "
+                f"{self._files[0].suffix}; convert them if they are frames, else move them away",
+            )
         missing = missing_numbers([file.name for file in self._files])
         if missing:
-            self.notes = (
+            self.notes += (
                 f"the numbers of the images leave out {len(missing)} "
                 f"({', '.join(map(str, missing[:SHOWN]))}{', …' * (len(missing) > SHOWN)}): "
                 "later times are too early; copy them here, if they were recorded",
@@ -223,7 +229,8 @@ class ImageFolderVideo(ImageStack):
         if data[:8].tobytes() == PNG:
             check_pixels(file, *struct.unpack(">II", data[16:24].tobytes().ljust(8, b"\1")))
         try:
-            return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+            with silent_opencv():
+                return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
         except cv2.error:  # a size beyond all bounds
             return None
 

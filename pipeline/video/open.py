@@ -18,6 +18,7 @@ TIFF_SUFFIXES = frozenset((".tif", ".tiff"))
 IMAGE_SUFFIXES = TIFF_SUFFIXES | frozenset(
     [".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".pnm", ".webp", ".jp2"]
 )
+SAME_KIND = {".tiff": ".tif", ".jpeg": ".jpg"}
 # Videos and folders that this or other programs made of a video: never input.
 RESULT_MARKS = ("run.json", "videos.csv", "centrelines.parquet")  # files of a results folder
 RESULT_FOLDERS = ("truth", "figures", "__pycache__")
@@ -49,7 +50,7 @@ def open_video(path, threads: int = 1) -> Video:
     if path.is_dir():
         from pipeline.video.image_stacks import ImageFolderVideo
 
-        return ImageFolderVideo(path, images_of(path))
+        return ImageFolderVideo(path, *_images_by_kind(path))
     if path.is_symlink() and not path.exists():
         raise VideoError(path, "is a link to a file that is not there; is a disk missing?")
     if not path.exists():
@@ -214,12 +215,18 @@ def natural_key(path: Path):
 
 
 def images_of(folder):
-    """Return the image files of the commonest suffix in `folder`, in natural order."""
+    """Return the image files of the commonest kind in `folder`, in natural order."""
+    return _images_by_kind(folder)[0]
+
+
+def _images_by_kind(folder) -> tuple[list[Path], list[Path]]:
+    """Image files of the commonest kind in `folder`, and the others, in natural order."""
     images = _images(_listing(folder))
     if images:
-        suffixes = Counter(item.suffix.lower() for item in images)
-        commonest = suffixes.most_common(1)[0][0]
-        return [item for item in images if item.suffix.lower() == commonest]
+        kinds = [SAME_KIND.get(item.suffix.lower(), item.suffix.lower()) for item in images]
+        commonest = Counter(kinds).most_common(1)[0][0]
+        pairs = list(zip(images, kinds, strict=True))
+        return [i for i, k in pairs if k == commonest], [i for i, k in pairs if k != commonest]
     names = [item.name for item in _listing(folder)]
     if not names:
         raise VideoError(folder, "is an empty folder: expected videos or images in it", 0)

@@ -4,6 +4,7 @@ import cv2
 
 from pipeline.errors import VideoError
 from pipeline.video.base import Video
+from pipeline.video.decoder_log import silent_opencv
 
 
 class OpenCvVideo(Video):
@@ -36,9 +37,7 @@ class OpenCvVideo(Video):
 
 def _backend_for(path):
     """Return the first OpenCV backend that opens the file; FFmpeg was tried already."""
-    logging = cv2 if hasattr(cv2, "setLogLevel") else cv2.utils.logging  # OpenCV 4, 5
-    level = logging.setLogLevel(0)
-    try:
+    with silent_opencv():
         for backend in cv2.videoio_registry.getStreamBackends():
             if backend in (cv2.CAP_FFMPEG, cv2.CAP_IMAGES):
                 continue
@@ -46,6 +45,4 @@ def _backend_for(path):
             if capture.isOpened():
                 capture.release()
                 return backend
-    finally:
-        logging.setLogLevel(level)
     raise VideoError(path, "OpenCV cannot open it")

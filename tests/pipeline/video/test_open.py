@@ -516,12 +516,31 @@ class TestImageFolders:
         error = error_of(tmp_path)
         assert (error.frame, "2.png" in str(error)) == (2, True)
 
+    def test_nothing_is_printed_of_an_image_that_is_cut_off(self, tmp_path, capfd):
+        for i in range(3):
+            cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
+        path = tmp_path / "1.png"
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+        assert len(read(tmp_path)) == 3
+        assert capfd.readouterr() == ("", "")
+
     def test_preview_and_other_kinds_are_no_frames(self, tmp_path):
         for i in range(3):
             cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
         cv2.imwrite(str(tmp_path / "session_preview.png"), picture(0, 10, 10))
+        with open_video(tmp_path) as video:
+            assert not video.notes
         cv2.imwrite(str(tmp_path / "photo.jpg"), picture(0, 10, 10))
         assert len(read(tmp_path)) == 3
+        with open_video(tmp_path) as video:
+            (said,) = video.notes
+        assert "1 image of another kind left out (photo.jpg): " in said
+        assert "here .png; convert" in said
+
+    def test_endings_of_one_kind_are_spelt_in_two_ways(self, tmp_path):
+        for i in range(4):
+            cv2.imwrite(str(tmp_path / f"{i}.{'tif' if i % 2 else 'tiff'}"), picture(i))
+        assert len(read(tmp_path)) == 4
 
     def test_empty_folder(self, tmp_path):
         assert "is an empty folder" in str(error_of(tmp_path))
