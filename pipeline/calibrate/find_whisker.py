@@ -19,6 +19,7 @@ from skimage.morphology import skeletonize
 from pipeline.errors import VideoError
 from pipeline.numerics.polyline import arc_along, places_along
 from pipeline.numerics.robust import robust_sd
+from pipeline.video.image_file import decoded
 
 REDUCED = 8  # the ground is found in a picture reduced so many times
 GROUND_REDUCED_PX = 31  # over which the ground's median is taken there
@@ -65,10 +66,9 @@ def read_micrograph(path) -> np.ndarray:
         If the file is no picture, or some of its pixels have no value.
     """
     try:
-        data = np.fromfile(path, np.uint8)  # imread cannot open every Unicode path
+        image = decoded(np.fromfile(path, np.uint8))
     except OSError as error:
         raise VideoError(path, f"cannot be opened ({error.strerror}); give a picture") from None
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
     if image is None:
         try:
             image = tifffile.imread(path)

@@ -8,6 +8,7 @@ import numpy as np
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import VideoError
 from pipeline.session.image import ImageSettings
+from pipeline.video.image_file import read_image
 
 LIGHT_RANK = 90  # percentile of a frame that stands for light
 EVERY = 7  # pixel, for that
@@ -166,7 +167,7 @@ def _white(mask, video):
     """Pixels that are not black in the mask's file, bool (height, width)."""
     if mask is None:
         return np.ones(video.shape, bool)
-    picture = cv2.imread(mask, cv2.IMREAD_GRAYSCALE)
+    picture = read_image(mask, cv2.IMREAD_GRAYSCALE)
     if picture is None or picture.shape != video.shape:
         size = "no picture" if picture is None else f"{picture.shape[1]}×{picture.shape[0]} px"
         raise VideoError(

@@ -3,9 +3,10 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-import cv2
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
+
+from pipeline.video.image_file import read_image
 
 REGION = "expected [x0, y0, x1, y1] in px, with 0 <= x0 < x1 and 0 <= y0 < y1"
 
@@ -50,6 +51,6 @@ class ImageSettings(BaseModel):
             return None
         if not Path(self.mask).is_file():
             return f"[image] mask: there is no file {self.mask}; correct its name, or leave it out"
-        if cv2.imread(self.mask, cv2.IMREAD_GRAYSCALE) is None:
+        if read_image(self.mask) is None:
             return f"[image] mask: {self.mask} is not a picture; save it as PNG"
         return None

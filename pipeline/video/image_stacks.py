@@ -12,8 +12,9 @@ import tifffile
 from pipeline.errors import VideoError, counted
 from pipeline.numerics.runs import evenly
 from pipeline.video.base import RandomAccessVideo, bits_to_drop, check_pixels, to_8_bit
-from pipeline.video.decoder_log import lost_pages, silent_opencv
+from pipeline.video.decoder_log import lost_pages
 from pipeline.video.frame_faults import SHOWN, missing_numbers
+from pipeline.video.image_file import decoded
 
 PNG = b"\x89PNG\r\n\x1a\n"  # a file of that kind begins so; width and height are at byte 16
 PACKED_BITS = (10, 12, 14)
@@ -223,16 +224,12 @@ class ImageFolderVideo(ImageStack):
     def _decoded(self, file):
         """The image in a file, None where it holds none."""
         try:
-            data = np.fromfile(file, np.uint8)  # imread cannot open every Unicode path
+            data = np.fromfile(file, np.uint8)
         except OSError:
             return None
         if data[:8].tobytes() == PNG:
             check_pixels(file, *struct.unpack(">II", data[16:24].tobytes().ljust(8, b"\1")))
-        try:
-            with silent_opencv():
-                return cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
-        except cv2.error:  # a size beyond all bounds
-            return None
+        return decoded(data)
 
 
 def unreadable(path, index, what, reason) -> VideoError:

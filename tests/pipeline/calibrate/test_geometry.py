@@ -212,6 +212,9 @@ def test_all_kinds_of_pixels_mean_the_same(tmp_path):
 
 
 def test_what_is_no_picture_is_refused(tmp_path):
+    (tmp_path / "huge.pgm").write_bytes(b"P5\n2097152 2097152\n255\n")  # beyond what OpenCV reads
+    with pytest.raises(VideoError, match=r"huge\.pgm.*cannot be read as a picture"):
+        measure_geometry(tmp_path / "huge.pgm", 130)
     (tmp_path / "note.png").write_text("no picture")
     with pytest.raises(VideoError, match=r"note\.png.*cannot be read as a picture"):
         measure_geometry(tmp_path / "note.png", 130)
