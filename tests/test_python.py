@@ -197,6 +197,12 @@ def _lines(*frames):
         (np.zeros((5, 40), np.uint8), "session.toml", VideoError, r"shape \(5, 40\)"),
         (np.zeros((5, 40, 40)), "session.toml", VideoError, "float64 pixels"),
         (np.zeros((5, 40, 40), np.uint8), None, InputError, "no settings"),
+        (
+            np.zeros((5, 40, 40), np.uint8),
+            3,
+            InputError,
+            "settings: expected `Settings`.* got int",
+        ),
         ("gone.avi", None, VideoError, "gone.avi: does not exist; check the name"),
         (pd.DataFrame({"frame": [0]}), "session.toml", ValueError, "needs the column whisker"),
         (_lines(0.5), "session.toml", ValueError, r"row 0: frame is .*0\.5.*: expected a whole"),
@@ -211,13 +217,15 @@ def _lines(*frames):
 )
 def test_what_cannot_be_analysed_gets_a_message(rendered, video, settings, error, words):
     with pytest.raises(error, match=words):
-        analyse(video, settings and rendered / settings)
+        analyse(video, rendered / settings if isinstance(settings, str) else settings)
 
 
 @pytest.mark.parametrize(
     ("given", "words"),
     [
         ("corrections.csv", "expected a table, as .*read_corrections.*, got str"),
+        (pd.DataFrame({"frame": [1]}), "expected the columns whisker, verdict, .*, got frame$"),
+        (pd.DataFrame(), "expected the columns .*, got none$"),
         ([("Contact", 5, 9)], "row 0: verdict is 'Contact', expected one of contact"),
         ([("free", 5, 9), ("contact", 9, 5)], "row 1: onset_frame 9 and offset_frame 5"),
         ([("contact", 5, 9), ("contact", 8, 11)], "has frames of contact .5, 9. in row 0"),

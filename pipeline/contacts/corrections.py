@@ -81,6 +81,12 @@ def corrections_given(corrections) -> pd.DataFrame | None:
             f"corrections: expected a table, as `pipeline.contacts.read_corrections(folder)` "
             f"gives, got {type(corrections).__name__}"
         )
+    known, there = set(Verdict._fields), set(map(str, corrections.columns))
+    if there - known or known - set(Verdict._field_defaults) - there:
+        raise InputError(
+            f"corrections: expected the columns {', '.join(Verdict._fields)}, got "
+            f"{', '.join(sorted(there)) or 'none'}"
+        )
     for row, fault in _faults(range(len(corrections)), corrections, "row"):
         raise InputError(f"corrections: row {row}: {fault}")
     return corrections

@@ -1,5 +1,6 @@
 """Settings as Python code gives them: `Settings`, a file, a dictionary, or none."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -30,8 +31,13 @@ def settings_given(settings, video=None) -> Settings:
         return settings
     if isinstance(settings, Mapping):
         return settings_from(dict(settings), "settings")
-    if settings is not None:
+    if isinstance(settings, (str, os.PathLike)):
         return read_session(settings)
+    if settings is not None:
+        raise InputError(
+            "settings: expected `Settings`, the path of a session.toml or a dictionary of its "
+            f"content, got {type(settings).__name__}"
+        )
     if not isinstance(video, (str, Path)):
         raise InputError("no settings: give `Settings`, or the path of a session.toml")
     path = Path(video)
