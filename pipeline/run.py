@@ -325,6 +325,8 @@ def trace(
     """
     templates = list(whisker_set.templates)
     tracks = track(frames, scene, templates, options, chunk_frames)
+    if not templates:  # then there are no lines to be named
+        return tracks
     face = face_side_of(scene)
     lengths = dict.fromkeys(whisker_set.given, np.inf)
     lengths.update(zip(lengths, options.visible_px, strict=False))

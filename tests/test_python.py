@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -240,6 +241,16 @@ def test_corrections_are_checked_before_anything_is_analysed(given, words):
         analyse("gone.avi", settings, corrections=given)
     with pytest.raises(InputError, match=words):
         analyse_lines(_lines(0), settings, corrections=given)
+
+
+def test_of_a_video_without_whiskers_only_a_message_is_said():
+    frames = np.random.default_rng(0).integers(120, 130, (20, 120, 160), dtype=np.uint8)
+    settings = {"recording": {"frames_per_second": 1e3, "pixels_per_mm": 25, "face": "left"}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        found = analyse(frames, settings)
+    assert len(found.centrelines) == 0
+    assert "no whiskers found" in found.messages[0]
 
 
 def test_importing_is_quick_and_writes_nothing(tmp_path):
