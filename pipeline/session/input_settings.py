@@ -67,8 +67,9 @@ def _session_beside(each: Input) -> Path | None:
 def has_session_of(inputs, out, config=None) -> bool:
     """Whether `out` has the session.toml that a person wrote for some of the inputs."""
     target = Path(out) / SETTINGS_NAME
-    given = [config, *map(_session_beside, inputs)] if target.is_file() else []
-    return any(target.samefile(each) for each in given if each is not None)
+    given = [config, *(_session_beside(each) for each in inputs if not each.fault)]
+    there = target.is_file()
+    return there and any(target.samefile(each) for each in given if each is not None)
 
 
 def settings_of(inputs, config=None) -> dict:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.errors import InputError, VideoError
-from pipeline.video.open import find_videos, is_result_folder, open_video
+from pipeline.video.open import entries, find_videos, is_result_folder, open_video
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def _videos_in(folder, out, above=()) -> list[Path]:
     """
     here = [path for path in find_videos([folder]) if path.resolve() != out] or [folder]
     below, above = [], (*above, folder.resolve())
-    for entry in sorted(folder.iterdir()):
+    for entry in sorted(entries(folder)):
         if entry.is_dir() and entry not in here and not _is_result(entry, out):
             if entry.resolve() in above:
                 continue

@@ -1,5 +1,6 @@
 """Finds inputs and opens them as streams of grey frames: videos, TIFF stacks, image folders."""
 
+import os
 import re
 from collections import Counter
 from pathlib import Path
@@ -160,7 +161,8 @@ def find_videos(paths) -> list[Path]:
 
 def is_result_folder(folder) -> bool:
     """Whether a folder holds results, by its name or its contents."""
-    return folder.name in RESULT_FOLDERS or any((folder / name).exists() for name in RESULT_MARKS)
+    marks = (os.path.exists(folder / name) for name in RESULT_MARKS)
+    return folder.name in RESULT_FOLDERS or any(marks)
 
 
 def _inputs_in(folder):
@@ -173,7 +175,7 @@ def _inputs_in(folder):
 def _is_input(item):
     """Whether something in a folder is an input of its own."""
     if item.is_dir():
-        return _is_image_folder(item) or not any(item.iterdir())
+        return _is_image_folder(item) or not entries(item)
     leads_nowhere = item.is_symlink() and not item.exists()
     if RESULT_VIDEO.search(item.stem) or not (item.is_file() or leads_nowhere):
         return False
@@ -202,9 +204,17 @@ def _is_stack(path):
     return is_stack(path) is not False  # an unreadable TIFF is an input: it fails with a message
 
 
+def entries(folder) -> list[Path]:
+    """What is in a folder; nothing where it may not be read."""
+    try:
+        return list(folder.iterdir())
+    except PermissionError:
+        return []
+
+
 def _listing(folder):
     return sorted(
-        (item for item in folder.iterdir() if not item.name.startswith(".")), key=natural_key
+        (item for item in entries(folder) if not item.name.startswith(".")), key=natural_key
     )
 
 
@@ -228,6 +238,8 @@ def _images_by_kind(folder) -> tuple[list[Path], list[Path]]:
         pairs = list(zip(images, kinds, strict=True))
         return [i for i, k in pairs if k == commonest], [i for i, k in pairs if k != commonest]
     names = [item.name for item in _listing(folder)]
+    if not names and not os.access(folder, os.R_OK | os.X_OK):
+        raise VideoError(folder, "may not be read: change its permissions, or move it away", 0)
     if not names:
         raise VideoError(folder, "is an empty folder: expected videos or images in it", 0)
     if is_result_folder(folder):

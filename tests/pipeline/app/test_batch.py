@@ -1289,6 +1289,44 @@ def test_some_folders_are_not_searched(folder, calls, name):
     assert sorted(calls) == ["a.avi", "b.avi", "found.avi"]
 
 
+@pytest.fixture
+def closed(folder, monkeypatch):
+    """A folder among the videos that may not be read, as lost+found on a disk of one's own."""
+    closed = folder / "closed"
+    closed.mkdir()
+
+    def is_inside(path):
+        return not isinstance(path, int) and closed in Path(os.fsdecode(path)).parents
+
+    def refuse(name, is_refused):
+        real = getattr(os, name)
+
+        def refusing(path=".", *args, **how):
+            if is_refused(path):
+                raise PermissionError(13, "Permission denied", str(path))
+            return real(path, *args, **how)
+
+        monkeypatch.setattr(os, name, refusing)
+
+    refuse("stat", is_inside)
+    for name in ("listdir", "scandir"):
+        refuse(name, lambda path: path == closed or is_inside(path))
+    access = os.access
+    monkeypatch.setattr(os, "access", lambda path, *how: path != closed and access(path, *how))
+    return closed
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_a_folder_that_may_not_be_read_stops_no_other_video(
+    folder, calls, tmp_path, closed, times
+):
+    for _ in range(times):
+        summary = batch.run([folder], tmp_path / "results")
+    assert statuses(tmp_path / "results") == {"a": "done", "b": "done", "closed": "failed"}
+    (failed,) = summary.of("failed")
+    assert "may not be read: change its permissions" in failed.message
+
+
 def test_results_may_lie_in_the_folder_of_other_results(folder, calls):
     batch.run([folder], folder / "results")
     (folder / "other").mkdir()
