@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pipeline.errors import renamed
 from pipeline.tables.columns import FRAME_COLUMNS, Column, as_table, units_of
 from pipeline.tables.own_files import replace_own
 from pipeline.tables.whole_files import whole_file
@@ -253,8 +254,8 @@ def whole_parquet(path):
 
     try:
         yield
-    except FileNotFoundError:
-        raise
+    except FileNotFoundError as error:
+        raise renamed(error, path) from None  # pyarrow's has no file name
     except (OSError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())[: 5 * SHOWN]
         raise ValueError(
