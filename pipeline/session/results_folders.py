@@ -193,13 +193,20 @@ def need_results(folder) -> None:
     folder = Path(folder)
     need_folder(folder, "the --out folder of `whiskerforce run`")
     need_content(folder, "results of `whiskerforce run`")
-    if not _has_results(folder):
-        below = next((each for each in sorted(folder.iterdir()) if _has_results(each)), None)
+    lacking = _lacking(folder)
+    if lacking and "command" in read_run(folder):  # not one video's folder
+        raise InputError(
+            f"{folder}: without {' and '.join(lacking)}; the same `whiskerforce run` again writes "
+            "what is missing, and computes nothing twice"
+        )
+    if lacking:
+        below = next((each for each in sorted(folder.iterdir()) if not _lacking(each)), None)
         advice = (
             f"did you mean {below}?" if below else "give the --out folder of `whiskerforce run`"
         )
         raise InputError(f"{folder}: no results in it (contacts.csv, videos.csv); {advice}")
 
 
-def _has_results(folder) -> bool:
-    return all((folder / name).is_file() for name in ("contacts.csv", "videos.csv"))
+def _lacking(folder) -> list[str]:
+    """Tables of a session's results that a folder lacks."""
+    return [name for name in ("contacts.csv", "videos.csv") if not (folder / name).is_file()]

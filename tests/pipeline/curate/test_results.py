@@ -221,6 +221,10 @@ def test_folders_with_nothing_to_curate_are_reported(results, tmp_path):
     (tmp_path / "of a person" / "notes.txt").touch()
     with pytest.raises(InputError, match=r"no results in it.*--out folder"):
         Results(tmp_path / "of a person")
+    (results / "videos.csv").rename(tmp_path / "videos.csv")
+    with pytest.raises(InputError, match=r"without videos\.csv; .*run` again writes what is miss"):
+        Results(results)
+    (tmp_path / "videos.csv").rename(results / "videos.csv")
     for file in results.glob("*/evidence.parquet"):
         file.unlink()
     with pytest.raises(InputError, match="whiskerforce run"):
