@@ -23,7 +23,7 @@ class ContactParams:
         "literature: a mean duration of 30.9 ms (Hires et al. 2013)",
     )  # fmt: skip
     near_pole_mm: quantity(0.01, 5, "mm") = parameter(
-        0.2, "a whisker farther off in half of the frames touches nothing", "chosen"
+        0.2, "it is no contact if the whisker is farther from the pole in half of it", "chosen"
     )
     pole_error_mm: quantity(0.01, 5, "mm") = parameter(
         0.16, "the pole's surface is not farther from where it was measured", "chosen"

@@ -35,14 +35,17 @@ class RodParams:
         0.2, "whisker to pole: farther than any tracing error, the frame is free", "chosen"
     )
     clear_distance_mm: quantity(0.01, 5, "mm") = parameter(
-        0.06, "beyond the nearest frames: free where hardly any is farther off", "chosen"
-    )
+        0.06, "where hardly any frame is so far off, those are free that are this much farther "
+        "off than the nearest ones", "chosen",
+    )  # fmt: skip
     least_clear_mm: quantity(0.001, 5, "mm") = parameter(
-        0.015, "the same for a whisker that hardly leaves the pole", "chosen"
-    )
+        0.015, "and where hardly any is that either, as the whisker hardly leaves the pole, this "
+        "much", "chosen",
+    )  # fmt: skip
     shortest_lever_mm: quantity(0.01, 5, "mm") = parameter(
-        0.3, "`point`: no force where the contact is nearer to the curvature's place", "chosen"
-    )
+        0.3, "force from the curvature alone (`point_force_N`): none where the pole touches "
+        "nearer to where that is measured", "chosen",
+    )  # fmt: skip
     calibration_mm: quantity(0.1, 20, "mm") = parameter(
         3.0, "free frames with the pole this near show the force's noise", "chosen"
     )

@@ -59,22 +59,22 @@ class TrackerParams:
         0.35, "the same below which a whisker is lost", "chosen"
     )
     search_every_s: quantity(0.0005, 10, "s") = parameter(
-        0.02, "time between two searches for new lines at rest beside up to four whiskers, while "
-        "one is missing", "chosen",
+        0.02, "lines at rest, one of up to four whiskers missing: time between two searches for "
+        "new lines", "chosen",
     )  # fmt: skip
     search_beside_all_s: quantity(0.0005, 10, "s") = parameter(
-        0.2, "the same while as many lines are followed as there are whiskers: one may be a hair",
-        "chosen",
+        0.2, "the same while none is missing: one of the lines may be a hair", "chosen",
     )  # fmt: skip
     established_s: quantity(0.0005, 1, "s") = parameter(
         0.01, "a line followed for so long is no blur beside another one", "chosen"
     )
     young_s: quantity(0.0005, 1, "s") = parameter(
-        0.005, "time in which the claim of a new track to its line grows to half", "chosen"
-    )
+        0.005, "of two tracks on one line, one of this age has half the claim to it that it will "
+        "have when old", "chosen",
+    )  # fmt: skip
     rest_s: quantity(0.0005, 1, "s") = parameter(
-        0.003, "after so long without a change, lines are at rest; new ones beside five and more "
-        "whiskers are then looked for as seldom", "chosen on real recordings",
+        0.003, "lines are at rest when none has begun or ended for so long; beside five and more "
+        "whiskers, this is also the time between two searches", "chosen on real recordings",
     )  # fmt: skip
     astray_deg: quantity(0.1, 45, "°") = parameter(
         4.0, "SD of a line's direction about the predicted one, among many whiskers", "chosen"
