@@ -295,7 +295,10 @@ def _prepare() -> None:
     for name in THREADS:  # the matrices are small: threads would only wait for each other
         os.environ.setdefault(name, "1")
     search_seldom()
-    for stream in (sys.stdout, sys.stderr):
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed, as by `>&-`
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
         if hasattr(stream, "reconfigure"):  # not every console has every letter of a file's name
             stream.reconfigure(errors="replace")
     if said := shortage():

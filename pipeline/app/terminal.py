@@ -12,9 +12,15 @@ FAILED, UNUSABLE = 1, 2  # exit status
 
 
 def say(line: str):
-    """Print a line at once, also where the output goes to a file."""
-    typer.echo(line)
-    sys.stdout.flush()
+    """Print a line at once, also where the output goes to a file.
+
+    Where nobody reads any more, as behind `| head`, the work goes on.
+    """
+    try:
+        typer.echo(line)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def say_nothing(line: str):

@@ -37,6 +37,10 @@ def make_results_folder(out, inputs) -> None:
     InputError where that cannot be, or where no run has used it yet, but it holds recordings or
     files of the names of results.
     """
+    if readable(out.resolve()) != str(out.resolve()):
+        raise InputError(
+            f"--out {readable(out)}: its path is not text (a wrong character set?); choose another"
+        )
     make_folder(out)
     if (out / LOG_FILE).exists() or "version" in read_run(out):
         return

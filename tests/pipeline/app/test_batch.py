@@ -1247,6 +1247,13 @@ def test_a_first_run_puts_no_results_among_recordings(folder, calls, path, out):
     assert calls
 
 
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="names are Unicode there")
+def test_a_results_folder_whose_name_is_not_text_is_refused(folder, calls, tmp_path):
+    with pytest.raises(InputError, match=r"^--out .*w\?: its path is not text"):
+        batch.run([folder], tmp_path / os.fsdecode(b"w\xff"))
+    assert not calls
+
+
 def as_if_an_earlier_version_had_written_here(folder):
     (folder / "run.log").touch()
 

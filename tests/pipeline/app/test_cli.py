@@ -596,6 +596,21 @@ def test_ctrl_c_while_the_program_starts_ends_it_silently(signal):
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="there, a broken pipe is another error")
+@pytest.mark.parametrize("is_closed", [False, True])
+def test_the_work_goes_on_where_nobody_reads_what_is_said(is_closed):
+    code = "import sys; from pipeline.app.terminal import say; say('a'); say('b'); sys.exit(3)"
+    if is_closed:
+        code = (
+            f"import sys; sys.stdout = None; from pipeline.app import cli; cli._prepare(); {code}"
+        )
+    reading, writing = os.pipe()
+    os.close(reading)
+    ended = subprocess.run([sys.executable, "-c", code], stdout=writing, stderr=subprocess.PIPE)
+    os.close(writing)
+    assert (ended.returncode, ended.stderr) == (3, b"")
+
+
 @pytest.mark.parametrize("command", [(), ("run",), ("calibrate", "geometry"), ("export", "nwb")])
 def test_h_is_help(command, capsys):
     assert exit_code(*command, "-h") == 0
