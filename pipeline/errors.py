@@ -6,11 +6,13 @@ from pathlib import Path
 
 NO_ROOM = "make room on that disk and run again; what is finished is kept"
 TOO_LARGE = "that disk, or the system, takes no file so large: choose another place"
+GONE = "if a disk, folder or file was removed, put it back, and run again"
 NOT_ALLOWED = "change its permissions, or choose another place, and run again"
 ADVICE = {  # by the system's number of an error
     errno.ENOSPC: NO_ROOM,
     getattr(errno, "EDQUOT", errno.ENOSPC): NO_ROOM,
     errno.EFBIG: TOO_LARGE,
+    errno.ENOENT: GONE,
     errno.EACCES: NOT_ALLOWED,
     errno.EPERM: NOT_ALLOWED,
     errno.EROFS: NOT_ALLOWED,
@@ -123,6 +125,8 @@ def with_advice(error: OSError) -> str:
 
     >>> with_advice(PermissionError(errno.EACCES, "", "a.toml"))
     'a.toml: Permission denied; change its permissions, or choose another place, and run again'
+    >>> with_advice(FileNotFoundError(errno.ENOENT, "", "a.csv")).partition("; ")[2]
+    'if a disk, folder or file was removed, put it back, and run again'
     """
     advice = ADVICE.get(error.errno)
     return f"{why(error)}; {advice}" if advice else why(error)
