@@ -6,10 +6,10 @@ from numba import njit
 
 from pipeline.numerics.robust import trimmed_part
 
-WINDOW_SD = 3.0
+WINDOW_SD = 3.0  # of its noise: values of a pixel that are farther off are of what moves
 LEAST_VARIANCE = 1 / 12  # of rounding to grey levels
 WINDOWED_VARIANCE = 0.9733  # of a normal variable within WINDOW_SD, in units of its own
-TRIMMED_SHARE = 0.8
+TRIMMED_SHARE = 0.8  # of the pixels, the least varying: whiskers and fur move in the others
 SECOND_FREEDOM = 9  # of 25 squared second differences, which share pixels
 N_BINS = 16  # of intensity, in the fit of the noise
 

@@ -20,7 +20,7 @@ from pipeline.scene.illumination import fill
 
 RESTS, MOSTLY = 0.8, 0.7  # of the sample frames: to call a whisker resting, and to fill in
 CORE_PX, WIDE_PX = 7, 9  # of a whisker: the dark part, and all; OpenCV draws lines 2 px wider
-FEWEST_SAMPLES = 4
+FEWEST_SAMPLES = 4  # frames: in fewer, a whisker may lie still by chance
 LONG_PX = 61  # along a line: dust is shorter than half of it
 DARKER = 1.5  # times the usual shade: something else
 

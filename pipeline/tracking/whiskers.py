@@ -16,7 +16,7 @@ from pipeline.tracking.two_sides import named_by_side, names_by_side
 from pipeline.tracking.whisker_evidence import whisker_like
 from whiskermodel.whisker import Whisker
 
-TEMPLATE_FRAMES = 24
+TEMPLATE_FRAMES = 24  # of the whole video, that show which whiskers there are
 BEYOND_TRACE = 1.03  # times the traced length, the thin tip reaches
 ENOUGH_FRAMES = 12  # to find a lone whisker, which cannot be mistaken for another
 
