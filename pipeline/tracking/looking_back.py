@@ -111,8 +111,7 @@ def _is_same(line, other) -> bool:
     """Whether two lines of a frame are one whisker's.
 
     They may lie farther apart than doubles (`close_tracks`): one was followed back to where
-    whiskers blur into each other. With the doubles' bound, a rat's whiskers kept their names less
-    well.
+    whiskers blur into each other.
     """
     return min(_share(line, other), _share(other, line)) > DOUBLE_SHARE
 
