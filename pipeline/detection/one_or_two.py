@@ -9,7 +9,7 @@ from pipeline.detection.line_fit import SHORTEST
 from pipeline.detection.refinement import refine
 
 ALONG = 0.8  # of a line: so much of it lies along the one that it was fitted from
-AS_MUCH = 0.995  # of the light that two lines take
+AS_MUCH = 0.99  # of the light that two lines take
 
 
 def with_blurred(frame: Frame, sharp, broad) -> list[Line]:
