@@ -173,7 +173,7 @@ def _checked(source, paths, out, config):
     _check_inputs(inputs)
     settings, guesses = settings_of(inputs, config), guesses_left(inputs, config)
     source.check(settings.values())
-    make_results_folder(out, inputs)
+    make_results_folder(out)
     return inputs, settings, guesses
 
 

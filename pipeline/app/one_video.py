@@ -38,7 +38,7 @@ def planned_names(inputs, out) -> dict:
     from pipeline.tables.whole_files import read_json, write_json
 
     out = Path(out)
-    make_results_folder(out, inputs)
+    make_results_folder(out)
     plan = out / JOBS / NAMES
     plan.parent.mkdir(exist_ok=True)
     paths = {each.path: str(each.path.resolve()) for each in inputs}

@@ -14,7 +14,7 @@ from pipeline.session.inputs import Input, readable
 from pipeline.session.schema import FORMULA
 from pipeline.tables.own_files import make_folder
 from pipeline.tables.run_record import STATE_FILE, read_run, read_state, recorded_path
-from pipeline.video.open import RESULT_FOLDERS, find_videos
+from pipeline.video.open import RESULT_FOLDERS
 
 SESSION_FILES = (
     "videos.csv",
@@ -31,11 +31,11 @@ LEFT_OVER = ("corrections.csv", "frames.parquet")  # these mark a video's folder
 UNSAFE = re.compile(r"[/\\\x00-\x1f\x7f]")  # path separators, control characters
 
 
-def make_results_folder(out, inputs) -> None:
+def make_results_folder(out) -> None:
     """Make `out` where it is missing.
 
-    InputError where that cannot be, or where no run has used it yet, but it holds recordings or
-    files of the names of results.
+    InputError where that cannot be, or where no run has used it yet, but it holds files of the
+    names of results.
     """
     if readable(out.resolve()) != str(out.resolve()):
         raise InputError(
@@ -44,13 +44,6 @@ def make_results_folder(out, inputs) -> None:
     make_folder(out)
     if (out / LOG_FILE).exists() or "version" in read_run(out):
         return
-    places = {place for each in inputs for place in (each.root, each.path, each.path.parent)}
-    is_source = out.resolve() in {place.resolve() for place in places}
-    if is_source or any(path.is_file() for path in find_videos([out])):
-        raise InputError(
-            f"--out {out}: results would lie among the recordings in it; choose another folder, "
-            f"such as {out / 'results'}"
-        )
     written = set(SESSION_FILES) - {SETTINGS_NAME, PREVIEW_NAME}
     there = sorted(name for name in written if (out / name).is_file())
     there += [f"figures/{path.name}" for path in sorted(out.glob("figures/fig3*"))]

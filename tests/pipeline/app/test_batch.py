@@ -1230,23 +1230,6 @@ def test_a_name_that_is_no_text_is_refused_and_costs_no_other(folder, calls, tmp
     assert calls == ["a.avi", "b.avi"]
 
 
-@pytest.mark.parametrize(
-    ("path", "out"), [(".", "."), ("a.avi", "."), (".", "day 2"), ("day 3", "day 3")]
-)
-def test_a_first_run_puts_no_results_among_recordings(folder, calls, path, out):
-    for name in ("day 2/c.avi", "day 3/day 4/d.avi"):
-        (folder / name).parent.mkdir(parents=True)
-        (folder / name).write_bytes(b"another")
-    shutil.copy(folder / "session.toml", folder / "day 3")
-    before, out = contents(folder), folder / out
-    with pytest.raises(InputError, match=f"--out {out}: results .* as {out / 'results'}$"):
-        batch.run([folder / path], out)
-    assert contents(folder) == before
-    assert not calls
-    batch.run([folder / path], out / "results")
-    assert calls
-
-
 @pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="names are Unicode there")
 def test_a_results_folder_whose_name_is_not_text_is_refused(folder, calls, tmp_path):
     with pytest.raises(InputError, match=r"^--out .*w\?: its path is not text"):
@@ -1254,12 +1237,7 @@ def test_a_results_folder_whose_name_is_not_text_is_refused(folder, calls, tmp_p
     assert not calls
 
 
-def as_if_an_earlier_version_had_written_here(folder):
-    (folder / "run.log").touch()
-
-
 def test_results_among_the_videos_are_no_input(folder, calls):
-    as_if_an_earlier_version_had_written_here(folder)
     batch.run([folder], folder)
     text = (folder / "session.toml").read_text()
     (folder / "figures").mkdir()
@@ -1280,7 +1258,6 @@ def test_settings_beside_the_videos_stay_as_a_person_wrote_them(
     (folder / "session.toml").write_text(text)
     config = tmp_path / "other.toml"
     write_session(config, SETTINGS)
-    as_if_an_earlier_version_had_written_here(folder)
     batch.run([folder], folder, config=config if has_config else None)
     assert (folder / "session.toml").read_text() == text
     assert (folder / "a" / "session.toml").is_file()
@@ -1338,7 +1315,6 @@ def test_results_may_lie_in_the_folder_of_other_results(folder, calls):
     batch.run([folder], folder / "results")
     (folder / "other").mkdir()
     (folder / "other" / "run.json").write_text("[]")  # of another program
-    as_if_an_earlier_version_had_written_here(folder)
     batch.run([folder], folder)
     assert statuses(folder) == {"a": "done", "b": "done"}
 
