@@ -12,7 +12,12 @@ from pathlib import Path
 import pandas as pd
 
 from pipeline.contacts.analysis import ContactOptions, ContactTables, find_contacts, no_contacts
-from pipeline.contacts.corrections import CORRECTIONS_FILE, DECISIONS_FILE, read_corrections
+from pipeline.contacts.corrections import (
+    CORRECTIONS_FILE,
+    DECISIONS_FILE,
+    left_out,
+    read_corrections,
+)
 from pipeline.curate.decisions import write_decisions
 from pipeline.errors import CorrectionsError, InputError, in_words
 from pipeline.session.schema import Settings
@@ -132,13 +137,18 @@ def decided_on(state) -> dict:
 
 
 def correct(folder) -> list[str]:
-    """Make the tables of one video anew with its present corrections; as `save_contacts`."""
+    """Make the tables of one video anew with its present corrections.
+
+    Returns sentences as `save_contacts`, and on corrections that are not of this video.
+    """
     folder = Path(folder)
     corrections = read_corrections(folder)
     frames, evidence = files.read_frames(folder / "frames.parquet"), read_evidence(folder)
     settings = settings_of_results(folder)
     tables = contacts_with(corrections, frames, evidence, settings, folder.name)
-    return save_contacts(folder, tables, corrections)
+    last = frames["frame"].max() if len(frames) else -1
+    unused = left_out(corrections, list(frames["whisker"].unique()), last + 1)
+    return save_contacts(folder, tables, corrections) + [f"{folder}: {each}" for each in unused]
 
 
 # --- the whole folder ----------------------------------------------------------------------
@@ -147,8 +157,8 @@ def correct(folder) -> list[str]:
 def follow_corrections(out) -> tuple[dict[str, str], list[str]]:
     """Bring the videos' tables in a results folder up to their corrections; it must be locked.
 
-    Returns why not, by the video's name, where a video's tables cannot be, and a sentence on each
-    file that is kept. The session's tables follow with `write_session_tables`.
+    Returns why not, by the video's name, where a video's tables cannot be, and sentences as
+    `correct`. The session's tables follow with `write_session_tables`.
     """
     problems, kept = {}, []
     for folder in _with_evidence(out):

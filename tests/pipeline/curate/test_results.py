@@ -214,6 +214,17 @@ def test_corrections_that_cannot_be_followed_are_said(results):
     assert (second / "contacts.csv").read_bytes() != (second / "before.csv").read_bytes()
 
 
+def test_corrections_of_an_unknown_whisker_are_said_where_others_are_followed(results):
+    first = min(path.parent for path in results.glob("*/evidence.parquet"))
+    before = contacts_of(results, first.name)
+    onset, offset = edges(before)[0]
+    rows = [Verdict(w, "free", onset, offset, onset, offset) for w in (before["whisker"][0], "Z9")]
+    write_corrections(first, table_of(rows))
+    (said,) = bring_up_to_date(results)
+    assert said.startswith(f"{first}: corrections.csv: 1 of 'Z9', which is not a whisker of this")
+    assert len(contacts_of(results, first.name)) == len(before) - 1
+
+
 def test_folders_with_nothing_to_curate_are_reported(results, tmp_path):
     with pytest.raises(InputError, match=rf"no results in it.*did you mean {results}\?"):
         Results(results.parent)
