@@ -9,7 +9,6 @@ from pipeline.detection.line_fit import SHORTEST
 from pipeline.detection.refinement import refine
 
 ALONG = 0.8  # of a line: so much of it lies along the one that it was fitted from
-AS_MUCH = 0.99  # of the light that two lines take
 
 
 def with_blurred(frame: Frame, sharp, broad) -> list[Line]:
@@ -80,13 +79,12 @@ def one_for_two(frame: Frame, faint, other) -> Line | None:
     """A line in the place of two that run together, or None where two explain more.
 
     Two lines lie on one whisker that motion has made broad: one as broad takes as much light as
-    they do about the one that is less sure, `faint`, and lies along the `other` one. In place of
-    two whiskers it takes less: 1 to 2 % where they lie 2.5 px apart. Neither line is in the
-    background.
+    they do about the one that is less sure, `faint`, the part `one_line` at least, and lies along
+    the `other` one. Neither of them is in the background.
     """
     fit = frame.options.fit(frame.model, widths=True, steps=1)
     one = new_lines.initialise_line(frame.picture, other.points, fit, frame.workspace)
     if one.n < SHORTEST or shared_fraction(one, other, reach(other)) < ALONG:
         return None
     both, alone = (_explained(frame, faint, lines) for lines in ([faint, other], [one]))
-    return one if alone > AS_MUCH * both else None
+    return one if alone > frame.options.params.detection.one_line * both else None
