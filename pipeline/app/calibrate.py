@@ -4,14 +4,12 @@ from pathlib import Path
 
 import typer
 
-from pipeline.app.options import Debug, Out, Results, argument, option, up_to_date
+from pipeline.app.options import GROUP, Debug, Out, Results, argument, option, up_to_date
 from pipeline.app.terminal import leave
 
 calibrate = typer.Typer(
     help="Measure whiskers, follicle motion and elevation.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
+    **GROUP,
 )
 
 Into = option(

@@ -7,9 +7,8 @@ from pathlib import Path
 import typer
 
 from pipeline.app import terminal
-from pipeline.app.options import Debug, Jobs, Out, Results, argument, option
+from pipeline.app.options import GROUP, Debug, Jobs, Out, Results, argument, option
 
-GROUP = {"no_args_is_help": True, "rich_markup_mode": None}
 importing = typer.Typer(help="Analyse what another program has tracked.", **GROUP)
 exporting = typer.Typer(help="Write results in another program's format.", **GROUP)
 
@@ -163,8 +162,11 @@ def _check_names(names, settings):
 
 def _analyse(task, keep, report, corrections, read):
     """Analyse the lines of one file."""
+    from pipeline.errors import InputError
     from pipeline.run import analyse_lines
 
+    if not task.path.stat().st_size:
+        raise InputError("the file is empty; copy it again, or let the other program write it")
     lines, pole, n_frames = read(task.path, task.settings)
     return analyse_lines(lines, task.settings, pole, n_frames, keep, corrections)
 

@@ -5,6 +5,10 @@ from typing import Annotated
 
 import typer
 
+from pipeline.errors import InputError
+
+GROUP = {"no_args_is_help": True, "rich_markup_mode": None}  # of every group of commands
+
 
 def option(kind, metavar, words, *names, **more):
     """Type of an option of a `kind`: what its value is called, and its help."""
@@ -30,8 +34,16 @@ def up_to_date(results: Path) -> Path:
     return results
 
 
+def a_folder(out: Path) -> Path:
+    """Where results will go; InputError before any work where they cannot."""
+    for place in (out, *out.parents):
+        if place.exists() and not place.is_dir():
+            raise InputError(f"--out {out}: {place} is a file, not a folder; choose another one")
+    return out
+
+
 Results = argument(Path, "RESULTS", "Results folder of `whiskerforce run`.", callback=up_to_date)
-Out = option(Path, "DIR", "Folder to write to; created if missing.", "--out")
+Out = option(Path, "DIR", "Folder to write to; created if missing.", "--out", callback=a_folder)
 Jobs = option(
     int | None, "N", "Number of parallel processes.  [default: one per core]", "--jobs", min=1
 )

@@ -5,6 +5,7 @@ the whisker beyond that path until it can no longer be distinguished from the ba
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ from pipeline.errors import VideoError
 from pipeline.numerics.polyline import arc_along, places_along
 from pipeline.numerics.robust import robust_sd
 from pipeline.video.image_file import decoded
+from pipeline.video.image_stacks import is_stack
 
 REDUCED = 8  # the ground is found in a picture reduced so many times
 GROUND_REDUCED_PX = 31  # over which the ground's median is taken there
@@ -32,6 +34,7 @@ STEP_PX, LOOK_PX = 8, 4  # ahead, and to both sides, on the way to the whisker's
 BEHIND_PX = 80  # that give the direction
 LOST_STEPS = 4  # without a whisker, after which it has ended
 LINE_SDS = 3.5
+EXPECTED = "one grey or RGB picture of a whisker; export it so"
 MOST_CUT_OFF = 0.5  # of the pixels at one end of the grey scale
 
 
@@ -66,9 +69,14 @@ def read_micrograph(path) -> np.ndarray:
         If the file is no picture, or some of its pixels have no value.
     """
     try:
-        image = decoded(np.fromfile(path, np.uint8))
+        data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise VideoError(path, f"cannot be opened ({error.strerror}); give a picture") from None
+    if not len(data):
+        raise VideoError(path, "cannot be read as a picture: the file is empty; export it again")
+    if is_stack(Path(path)):
+        raise VideoError(path, f"has more than one page: expected {EXPECTED}")
+    image = decoded(data)
     if image is None:
         try:
             image = tifffile.imread(path)
@@ -80,11 +88,7 @@ def read_micrograph(path) -> np.ndarray:
     if image.ndim == 3 and image.shape[2] in (3, 4):
         image = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
     if image.ndim != 2 or min(image.shape) < 4 * REDUCED:
-        raise VideoError(
-            path,
-            f"has the shape {image.shape}: expected one grey or RGB picture of a whisker; export "
-            "it so",
-        )
+        raise VideoError(path, f"has the shape {image.shape}: expected {EXPECTED}")
     if not np.isfinite(image).all():
         raise VideoError(
             path,

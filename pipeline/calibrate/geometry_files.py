@@ -8,10 +8,15 @@ import pandas as pd
 from pipeline.calibrate.geometry import BROKEN_UM, Geometry, Measured
 from pipeline.calibrate.geometry_picture import draw_pooled, draw_whisker
 from pipeline.session.edit import set_whisker_values, whisker_has
-from pipeline.tables.calibration_columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS, PROFILE_COLUMNS
+from pipeline.tables.calibration_columns import (
+    DENSITY_COLUMNS,
+    GEOMETRY_COLUMNS,
+    POOLED_COLUMNS,
+    PROFILE_COLUMNS,
+)
 from pipeline.tables.files import write_csv
 from pipeline.tables.own_files import new_files
-from pipeline.tables.whole_files import sha256, write_text
+from pipeline.tables.whole_files import sha256
 
 UNITS = {"length": "mm", "base_radius": "um", "tip_radius": "um", "cone_length": "mm"}
 DEVIATION_SHARE = 0.02  # of the base radius, from which a whisker is said to be no cone
@@ -65,7 +70,7 @@ def write_geometry(out, geometries: list[Geometry], masses=()) -> None:
             write_csv(new / f"{stem}_profile.csv", profile(geometry), PROFILE_COLUMNS)
             draw_whisker(new / f"{stem}.png", geometry, profile(geometry))
         if len(geometries) > 1:
-            write_text(new / "pooled.csv", _pooled_text(pooled(geometries, masses)))
+            write_csv(new / "pooled.csv", _pooled_table(geometries, masses), POOLED_COLUMNS)
             draw_pooled(new / "geometry.png", geometries, [profile(each) for each in geometries])
         write_csv(new / "geometry.csv", geometry_table(geometries, masses), columns)
 
@@ -82,9 +87,9 @@ def _stems(geometries):
     return stems
 
 
-def _pooled_text(values):
-    rows = [f"{name},{v.mean:.6g},{v.sd:.6g},{v.n}" for name, v in values.items()]
-    return "\n".join(["quantity,mean,sd,whiskers", *rows, ""])
+def _pooled_table(geometries, masses) -> pd.DataFrame:
+    rows = [(name, v.mean, v.sd, v.n) for name, v in pooled(geometries, masses).items()]
+    return pd.DataFrame(rows, columns=[column.name for column in POOLED_COLUMNS])
 
 
 def profile(geometry: Geometry) -> pd.DataFrame:

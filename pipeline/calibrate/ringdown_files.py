@@ -5,10 +5,9 @@ import pandas as pd
 from pipeline.calibrate.ringdown import Pooled, SlipFit, moduli_by_follicle
 from pipeline.calibrate.ringdown_picture import draw_ringdown
 from pipeline.session.edit import set_whisker_values
-from pipeline.tables.calibration_columns import RINGDOWN_COLUMNS
+from pipeline.tables.calibration_columns import FOLLICLE_COLUMNS, RINGDOWN_COLUMNS
 from pipeline.tables.files import write_csv
 from pipeline.tables.own_files import new_files
-from pipeline.tables.whole_files import write_text
 
 STIFFNESSES = (float("inf"), 100.0, 30.0, 10.0, 5.0, 0.0)  # of the follicle, E I0/L
 
@@ -31,25 +30,25 @@ def _row(names, estimates):
     row = dict(zip(("video", "whisker", "frame"), names, strict=True))
     columns = "angular_frequency_rad_per_s", "damping_per_s", "youngs_modulus_GPa"
     for column, unit, each in zip(columns, (1, 1, 1e-9), estimates, strict=True):
-        row |= {
-            column: unit * each.value,
-            f"{column}_low": unit * each.low,
-            f"{column}_high": unit * each.high,
-        }
+        row |= _cells(column, unit, each)
     return row
+
+
+def _cells(column, unit, estimate) -> dict:
+    """An estimate and the ends of its interval, as columns with this name."""
+    ends = {"": estimate.value, "_low": estimate.low, "_high": estimate.high}
+    return {column + end: unit * value for end, value in ends.items()}
 
 
 def write_ringdown(out, fits, together, whisker, boundary) -> None:
     """Write ringdown.csv, follicle.csv and the figure."""
-    follicle = list(moduli_by_follicle(together, whisker, STIFFNESSES))
-    lines = [
-        f"{stiffness:g},{1e-9 * e.value:.6g},{1e-9 * e.low:.6g},{1e-9 * e.high:.6g}"
-        for stiffness, e in follicle
-    ]
-    header = "follicle_stiffness,youngs_modulus_GPa,youngs_modulus_GPa_low,youngs_modulus_GPa_high"
+    follicle = pd.DataFrame(
+        {"follicle_stiffness": stiffness} | _cells("youngs_modulus_GPa", 1e-9, modulus)
+        for stiffness, modulus in moduli_by_follicle(together, whisker, STIFFNESSES)
+    )
     table = ringdown_table(fits, together, whisker, boundary)
     with new_files(out, {f.slip.video.whisker_made_of(f.slip.whisker) for f in fits}) as new:
-        write_text(new / "follicle.csv", "\n".join([header, *lines, ""]))
+        write_csv(new / "follicle.csv", follicle, FOLLICLE_COLUMNS)
         draw_ringdown(new / "ringdown.png", fits, together)
         write_csv(new / "ringdown.csv", table, RINGDOWN_COLUMNS)
 

@@ -11,12 +11,12 @@ many.
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 
-from pipeline.errors import in_words
-from pipeline.tables.files import check_separator
+from pipeline.errors import why
+from pipeline.tables.calibration_columns import POINT_COLUMNS
+from pipeline.tables.files import read_numbered_csv
 
-COLUMNS = ("first_x_px", "first_y_px", "second_x_px", "second_y_px")
+COLUMNS = f"the columns {', '.join(column.name for column in POINT_COLUMNS)}"
 FEWEST = 6
 WORST_PX = 4.0  # RMS distance between matched points
 LEAST_SPREAD_PX = 5.0  # SD of the points in each of the three directions
@@ -68,28 +68,16 @@ def upright(points_px) -> np.ndarray:
 
 
 def read_points(path) -> np.ndarray:
-    """Matched points (n, 4) of a CSV file with COLUMNS; ViewsError where they cannot be used."""
+    """Matched points (n, 4) of a CSV file of POINT_COLUMNS; ViewsError where it is another."""
     try:
-        table = pd.read_csv(path)
-        check_separator(table.columns)
-    except FileNotFoundError:
-        raise ViewsError(f"--points {path}: no such file; expected a CSV file") from None
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise ViewsError(
-            f"--points {path}: is no CSV file ({in_words(error)}); save a table with the columns "
-            f"{', '.join(COLUMNS)} as CSV"
-        ) from None
+        table, lines = read_numbered_csv(path, POINT_COLUMNS, advice="")
+    except OSError as error:
+        raise ViewsError(f"--points {why(error)}; give a CSV file with {COLUMNS}") from None
     except ValueError as error:
-        raise ViewsError(f"--points {path}: {error}") from None
-    missing = [column for column in COLUMNS if column not in table]
-    if missing:
-        raise ViewsError(
-            f"--points {path}: column {', '.join(missing)} missing; expected {', '.join(COLUMNS)}"
-        )
-    values = table[list(COLUMNS)].apply(pd.to_numeric, errors="coerce").to_numpy(float)
-    bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
-    if len(bad):
-        raise ViewsError(f"--points {path}: row {bad[0] + 2}: expected four numbers")
+        raise ViewsError(f"--points {error}; save a table with {COLUMNS} as CSV") from None
+    values = table.to_numpy(float)
+    for row in np.flatnonzero(~np.isfinite(values).all(axis=1)):
+        raise ViewsError(f"--points {path}: line {lines[row]}: expected four numbers")
     return values
 
 
@@ -111,10 +99,10 @@ def fit_views(points, first_scale) -> TwoViews:
     normal, spread = _plane(points)
     rms = spread[3] * np.sqrt(len(points) / (len(points) - 4))
     if rms > WORST_PX:
-        off = (points - points.mean(axis=0)) * (1, -1, 1, -1) @ normal
+        without = [_plane(np.delete(points, k, axis=0))[1][3] for k in range(len(points))]
         raise ViewsError(
             f"the matched points do not match: {rms:.1f} px apart (RMS), the most in row "
-            f"{np.abs(off).argmax() + 2}; expected at most {WORST_PX:g} px. Is each row one "
+            f"{np.argmin(without) + 2}; expected at most {WORST_PX:g} px. Is each row one "
             "point, seen in both views?"
         )
     if spread[2] < max(LEAST_SPREAD_PX, 4 * rms):

@@ -36,18 +36,15 @@ def write_views(out, views: TwoViews, measured: list[ViewsMeasurement], made_of=
 
 
 def _calibration(views) -> pd.DataFrame:
-    angles = (np.rad2deg(np.arctan2(a[1], a[0])) for a in (views.shared, views.second_shared))
-    first, second = angles
-    se = np.rad2deg(views.angle_se)
+    axes = {"shared_axis_deg": views.shared, "second_axis_deg": views.second_shared}
     row = {
         "second_pixels_per_mm": views.second_scale,
         "second_pixels_per_mm_se": views.second_se,
-        "shared_axis_deg": first,
-        "shared_axis_deg_se": se,
-        "second_axis_deg": second,
-        "second_axis_deg_se": se,
         "points_rms_px": views.rms_px,
     }
+    for name, axis in axes.items():
+        row |= {name: np.rad2deg(np.arctan2(axis[1], axis[0]))}
+        row |= {f"{name}_se": np.rad2deg(views.angle_se)}
     return pd.DataFrame([row])
 
 

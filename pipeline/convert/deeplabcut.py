@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline.convert.keypoints import KeyPoints, scores_of
 from pipeline.convert.optional import library
 from pipeline.convert.pandas_hdf5 import read_table
-from pipeline.convert.results import frames_of
+from pipeline.convert.results import frames_of, numbers_in
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import check_separator
 
@@ -56,7 +56,7 @@ def _key_points(table) -> KeyPoints:
     for i, p, c in np.ndindex(values.shape[1:]):
         column = individuals[i], parts[p], ("x", "y", "likelihood")[c]
         if column in table:
-            values[rows, i, p, c] = table[column].to_numpy(float)
+            values[rows, i, p, c] = numbers_in(table[column])
     xy = values[..., :2]
     return KeyPoints(individuals, parts, xy, scores_of(xy, values[..., 2]))
 

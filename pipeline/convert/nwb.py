@@ -31,9 +31,17 @@ SI = {  # unit of a column: of the file, factor
 }
 FILMS = VIDEO_SUFFIXES | TIFF_SUFFIXES
 SUFFIXES = ("_deg", "_per_m", "_mm", "_uN", "_nN_m")
+DURATION = r"P(?=\d|T\d)([\d.]+[YMWD])*(T([\d.]+[HMS])+)?"
 SUBJECT = {  # what a value of an animal must be: a test, and in words
     "sex": (("F", "M", "O", "U").__contains__, "F (female), M (male), O (other) or U (unknown)"),
-    "age": (re.compile(r"P.*\d").match, "a duration as ISO 8601 has it, such as P90D: 90 days"),
+    "age": (
+        re.compile(f"{DURATION}(/({DURATION})?)?").fullmatch,
+        "a duration as ISO 8601 has it, such as P90D: 90 days",
+    ),
+    "species": (
+        re.compile(r"[A-Z][a-z]+( [a-z]+)+|https?://.*NCBITaxon_\d+").fullmatch,
+        'its Latin name, such as "Mus musculus"',
+    ),
 }
 NO_SERIES = ("frame", "time_s", "whisker")
 
@@ -53,7 +61,7 @@ def write_nwb(folder, video, start: str = "", moves_to=None, **subject) -> list[
     Raises
     ------
     InputError
-        Where pynwb is not installed, `start` is no date, or sex or age are not as NWB has them.
+        Where pynwb is not installed, `start` is no date, or the animal is not as NWB has it.
     """
     pynwb = library("pynwb", "nwb")
     path = Path(folder) / f"{video.name}.nwb"

@@ -146,6 +146,15 @@ def frames_of(numbers) -> np.ndarray:
     return given.astype(np.int64)
 
 
+def numbers_in(column: pd.Series) -> np.ndarray:
+    """The numbers in a table's column, NaN where there is none; ValueError at anything else."""
+    numbers = pd.to_numeric(column, errors="coerce")
+    for row in np.flatnonzero(numbers.isna() & column.notna()):
+        name = " ".join(filter(None, np.atleast_1d(column.name)))
+        raise ValueError(f"{name} is {column.iloc[row]!r} in row {row} of its points")
+    return numbers.to_numpy(float)
+
+
 def lines_of_rows(names, keys, rows) -> Centrelines:
     """`Centrelines` of rows of points (n, 2); `keys` are (frame, number of the name)."""
     frame, whisker = np.array(keys, np.int32).reshape(-1, 2).T

@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline.convert.hdf5 import texts_in
 from pipeline.convert.keypoints import KeyPoints, scores_of
 from pipeline.convert.optional import library
-from pipeline.convert.results import frames_of
+from pipeline.convert.results import frames_of, numbers_in
 from pipeline.errors import InputError, in_words
 from pipeline.tables.files import check_separator
 
@@ -72,9 +72,10 @@ def _points(table, parts, frame) -> KeyPoints:
     shape = int(frame.max(initial=-1)) + 1, len(tracks), len(parts)
     xy, score = np.full((*shape, 2), np.nan), np.full(shape, np.nan)
     for p, part in enumerate(parts):
-        xy[frame, track, p] = table[[f"{part}.x", f"{part}.y"]].to_numpy(float)
+        for k, axis in enumerate("xy"):
+            xy[frame, track, p, k] = numbers_in(table[f"{part}.{axis}"])
         if f"{part}.score" in table:
-            score[frame, track, p] = table[f"{part}.score"].to_numpy(float)
+            score[frame, track, p] = numbers_in(table[f"{part}.score"])
     return KeyPoints(tracks, parts, xy, scores_of(xy, score))
 
 

@@ -146,8 +146,9 @@ def _by_name(path, pairs) -> dict:
 def _checked(video, labels, whisker, path):
     """The corrections of one video, if they can be taken, or were by an import that was killed."""
     if whisker not in video.whiskers and (whisker or len(video.whiskers) != 1):
+        given = f"--whisker {whisker}: " if whisker else ""
         raise InputError(
-            f"{video.folder}: has whiskers {in_short(video.whiskers)}; say whose contacts "
+            f"{given}{video.folder}: has whiskers {in_short(video.whiskers)}; say whose contacts "
             f"{path} holds with --whisker"
         )
     if len(labels.touch) != video.n_frames:

@@ -1,6 +1,6 @@
 """Every column of the tables that `calibrate` writes, declared once."""
 
-from pipeline.tables.columns import Column, measured, number
+from pipeline.tables.columns import WHISKER, Column, measured, number, text, whole, yes_no
 
 
 def with_interval(name, unit, meaning):
@@ -11,13 +11,19 @@ def with_interval(name, unit, meaning):
 
 
 GEOMETRY_COLUMNS = (
-    Column("image", "string", "", "file of the micrograph"),
+    text("image", "file of the micrograph"),
     *measured("length_mm", "mm", "base to (cut) tip, along the whisker"),
     *measured("base_radius_um", "µm", "of the fitted cone at the base"),
     *measured("tip_radius_um", "µm", "of the fitted cone at the tip"),
     *measured("cone_length_mm", "mm", "base to the extrapolated apex"),
 )
 DENSITY_COLUMNS = measured("density_kg_per_m3", "kg/m³", "mass over volume, where one is given")
+POOLED_COLUMNS = (
+    text("quantity", "column of geometry.csv"),
+    number("mean", "as there", "of all whiskers"),
+    number("sd", "as there", "standard deviation between whiskers"),
+    whole("whiskers", "how many"),
+)
 PROFILE_COLUMNS = (
     number("arc_length_mm", "mm", "from the base, along the whisker"),
     *measured("diameter_um", "µm", "edge to edge"),
@@ -26,45 +32,49 @@ PROFILE_COLUMNS = (
     number("left_y_px", "px", "y of the left edge"),
     number("right_x_px", "px", "x of the right edge"),
     number("right_y_px", "px", "y of the right edge"),
-    Column("used", "bool", "", "used to fit the cone; false: dust or root"),
+    yes_no("used", "used to fit the cone; false: dust or root"),
+)
+FOLLICLE_COLUMNS = (
+    number("follicle_stiffness", "E I0/L", "of the follicle; inf: fixed, 0: pinned"),
+    *with_interval("youngs_modulus_GPa", "GPa", "of all slips together, in such a follicle"),
 )
 RINGDOWN_COLUMNS = (
-    Column("video", "string", "", "stem of the video; `pooled` in the last row"),
-    Column("whisker", "string", "", "name of the whisker"),
-    Column("frame", "int64", "", "first frame of the ring-down; number of slips where pooled"),
+    text("video", "stem of the video; `pooled` in the last row"),
+    WHISKER,
+    whole("frame", "first frame of the ring-down; number of slips where pooled"),
     *with_interval("angular_frequency_rad_per_s", "rad/s", "damped, of the first mode"),
     *with_interval("damping_per_s", "1/s", "decay rate d"),
     *with_interval("youngs_modulus_GPa", "GPa", "from frequency and dimensions"),
 )
 
 DUST_COLUMNS = (
-    Column("video", "string", "", "stem of the video"),
-    Column("whisker", "string", "", "name of the whisker"),
-    Column("frame", "int64", "", "frame number, from 0"),
+    text("video", "stem of the video"),
+    WHISKER,
+    whole("frame", "frame number, from 0"),
     number("time_s", "s", "time of the frame"),
     number("particle_x_px", "px", "x of the centreline where the particle sits"),
     number("particle_y_px", "px", "y of it"),
     *measured(
         "radial_mm", "mm", "place of the follicle, from its median; positive: out of the face"
     ),
-    Column("in_contact", "bool", "", "the frame belongs to a contact"),
+    yes_no("in_contact", "the frame belongs to a contact"),
     number("curvature_change_per_m", "1/m", "as in frames.parquet"),
 )
 DUST_CONTACT_COLUMNS = (
-    Column("video", "string", "", "stem of the video"),
-    Column("whisker", "string", "", "name of the whisker"),
-    Column("contact", "int64", "", "its number in contacts.csv"),
+    text("video", "stem of the video"),
+    WHISKER,
+    whole("contact", "its number in contacts.csv"),
     number("curvature_change_per_m", "1/m", "largest of the contact, signed"),
     number("radial_change_mm", "mm", "change of radial_mm from before the contact to there"),
     number("radial_range_mm", "mm", "largest less least radial_mm in the contact"),
 )
 DUST_VIDEO_COLUMNS = (
-    Column("video", "string", "", "stem of the video; `pooled` in the last row"),
-    Column("whisker", "string", "", "name of the whisker"),
+    text("video", "stem of the video; `pooled` in the last row"),
+    WHISKER,
     number("particle_mm", "mm", "follicle to particle, along the whisker"),
     number("seen", "", "share of the traced frames in which the particle is seen"),
     number("radial_range_mm", "mm", "largest less least radial_mm"),
-    Column("contacts", "int64", "", "contacts with a radial and a curvature change"),
+    whole("contacts", "contacts with a radial and a curvature change"),
     *with_interval("slope_um_m", "µm m", "radial change per absolute curvature change"),
     *with_interval("correlation", "", "of these two changes, over the contacts"),
 )
@@ -81,19 +91,19 @@ _VIEW_COLUMNS = (
     number("droop_part_percent", "%", "the rest of it"),
 )
 VIEW_FRAME_COLUMNS = (
-    Column("video", "string", "", "stem of the first view's video"),
-    Column("whisker", "string", "", "name of the whisker"),
-    Column("frame", "int64", "", "frame number, from 0"),
+    text("video", "stem of the first view's video"),
+    WHISKER,
+    whole("frame", "frame number, from 0"),
     number("time_s", "s", "time of the frame"),
-    Column("in_contact", "bool", "", "in contact; in other frames, paths end nearest to the pole"),
+    yes_no("in_contact", "in contact; in other frames, paths end nearest to the pole"),
     *_VIEW_COLUMNS,
     *measured("first_view_force_uN", "µN", "contact force from the first view alone"),
     *measured("own_plane_force_uN", "µN", "force in the whisker's own plane"),
 )
 VIEW_CONTACT_COLUMNS = (
-    Column("video", "string", "", "stem of the first view's video"),
-    Column("whisker", "string", "", "name of the whisker"),
-    Column("contact", "int64", "", "its number in contacts.csv; values are medians over it"),
+    text("video", "stem of the first view's video"),
+    WHISKER,
+    whole("contact", "its number in contacts.csv; values are medians over it"),
     *_VIEW_COLUMNS,
     number("first_view_peak_uN", "µN", "largest first_view_force_uN"),
     number("own_plane_peak_uN", "µN", "largest own_plane_force_uN"),
@@ -101,10 +111,16 @@ VIEW_CONTACT_COLUMNS = (
         "force_effect_percent", "%", "by how much own_plane_force_uN exceeds first_view_force_uN"
     ),
 )
+POINT_COLUMNS = (
+    number("first_x_px", "px", "x of a point in the first view"),
+    number("first_y_px", "px", "y of it there"),
+    number("second_x_px", "px", "x of the same point in the second view"),
+    number("second_y_px", "px", "y of it there"),
+)
 SPACE_LINE_COLUMNS = (
-    Column("video", "string", "", "stem of the first view's video"),
-    Column("whisker", "string", "", "name of the whisker"),
-    Column("frame", "int64", "", "frame number, from 0"),
+    text("video", "stem of the first view's video"),
+    WHISKER,
+    whole("frame", "frame number, from 0"),
     Column("x_mm", "list<float32>", "mm", "x of its points, follicle → tip, right in the picture"),
     Column("y_mm", "list<float32>", "mm", "y of its points, up in the first picture"),
     Column("z_mm", "list<float32>", "mm", "height above the follicle"),

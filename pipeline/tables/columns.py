@@ -25,23 +25,41 @@ def number(name, unit, meaning) -> Column:
     return Column(name, "float64", unit, meaning)
 
 
+def text(name, meaning, **more) -> Column:
+    """A column of words, "" where there are none."""
+    return Column(name, "string", "", meaning, **more)
+
+
+def whole(name, meaning) -> Column:
+    """A column of whole numbers."""
+    return Column(name, "int64", "", meaning)
+
+
+def yes_no(name, meaning) -> Column:
+    """A column of true and false."""
+    return Column(name, "bool", "", meaning)
+
+
 def measured(name, unit, meaning) -> tuple[Column, Column]:
     """A measured column, and behind it the one with its standard error."""
     return number(name, unit, meaning), number(f"{name}_se", unit, f"standard error of {name}")
 
 
+FRAME = Column("frame", "int32", "", "frame number, from 0")
+WHISKER = text("whisker", "name of the whisker")
+
 CENTRELINE_COLUMNS = (
-    Column("frame", "int32", "", "frame number, from 0"),
-    Column("whisker", "string", "", "name of the whisker"),
+    FRAME,
+    WHISKER,
     Column("x_px", "list<float32>", "px", "x of the centreline's points, follicle side → tip"),
     Column("y_px", "list<float32>", "px", "y of the centreline's points, follicle side → tip"),
 )
 
 FRAME_COLUMNS = (
-    Column("frame", "int32", "", "frame number, from 0"),
+    FRAME,
     number("time_s", "s", "frame / frames_per_second"),
-    Column("whisker", "string", "", "name of the whisker"),
-    Column("tracked", "bool", "", "the whisker was found in this frame"),
+    WHISKER,
+    yes_no("tracked", "the whisker was found in this frame"),
     number(
         "confidence", "", "0 to 1; below 0.5 the line may be another whisker's, or badly traced"
     ),
@@ -72,7 +90,7 @@ FRAME_COLUMNS = (
         "mm",
         "least distance from whisker surface to pole surface; negative: overlap",
     ),
-    Column("in_contact", "bool", "", "the frame belongs to a contact"),
+    yes_no("in_contact", "the frame belongs to a contact"),
     number("contact_probability", "", "probability that the frame is in a contact"),
     number("contact_arc_length_mm", "mm", "follicle to the place of contact, while in contact"),
     *measured("contact_force_uN", "µN", "measured contact force, magnitude"),
@@ -90,11 +108,11 @@ FRAME_COLUMNS = (
 )
 
 CONTACT_COLUMNS = (
-    Column("video", "string", "", "stem of the video (its results folder)"),
-    Column("whisker", "string", "", "name of the whisker"),
-    Column("contact", "int64", "", "number of the contact in this video and whisker, from 1"),
-    Column("onset_frame", "int64", "", "first frame of contact"),
-    Column("offset_frame", "int64", "", "first frame after the contact (half-open)"),
+    text("video", "stem of the video (its results folder)"),
+    WHISKER,
+    whole("contact", "number of the contact in this video and whisker, from 1"),
+    whole("onset_frame", "first frame of contact"),
+    whole("offset_frame", "first frame after the contact (half-open)"),
     number("onset_s", "s", "time of the onset frame"),
     number("duration_ms", "ms", "from onset to offset"),
     number(
@@ -116,9 +134,9 @@ CONTACT_COLUMNS = (
     number("vibration_max_nN_m", "nN m", "dynamic model: largest vibrational moment"),
     number("vibration_min_nN_m", "nN m", "dynamic model: least vibrational moment"),
     number("vibration_ratio", "", "largest |vibrational| over peak |steady| base moment"),
-    Column("slip", "bool", "", "ended by slipping past the pole"),
-    Column("curated", "bool", "", "added or moved by a person"),
-    Column("flags", "string", "", "what to be careful about, separated by ';'"),
+    yes_no("slip", "ended by slipping past the pole"),
+    yes_no("curated", "added or moved by a person"),
+    text("flags", "what to be careful about, separated by ';'"),
     number("peak_force_se_uN", "µN", "standard error of the peak force"),
     number("tracking_se_uN", "µN", "part of peak_force_se_uN: tracking noise"),
     number("hidden_length_se_uN", "µN", "part of peak_force_se_uN: error of the hidden length"),
@@ -144,61 +162,55 @@ CONTACT_FLAGS = {
 }
 
 VIDEO_COLUMNS = (
-    Column("video", "string", "", "name of the video's results folder"),
-    Column("path", "string", "", "the input"),
-    Column("status", "string", "", "done, warning (results, but read the message) or failed"),
-    Column("frames", "int64", "", "frames of which there are results; 0: none"),
+    text("video", "name of the video's results folder"),
+    text("path", "the input"),
+    text("status", "done, warning (results, but read the message) or failed"),
+    whole("frames", "frames of which there are results; 0: none"),
     number("frames_per_s", "1/s", "speed of processing"),
-    Column(
+    text(
         "message",
-        "string",
-        "",
         "what failed, what to be careful about, which results are old; messages are separated "
         "by a vertical bar",
     ),
 )
 
 CORRECTION_COLUMNS = (
-    Column("whisker", "string", "", "name of the whisker"),
-    Column(
+    WHISKER,
+    text(
         "verdict",
-        "string",
-        "",
         "contact (added or moved), confirmed (as the program had it) or free (no contact)",
     ),
-    Column("onset_frame", "int64", "", "first frame of contact (or of the stretch without)"),
-    Column("offset_frame", "int64", "", "first frame after it (half-open)"),
-    Column("covers_from", "int64", "", "first frame for which the verdict holds"),
-    Column("covers_to", "int64", "", "first frame after these (half-open)"),
-    Column("saved_at", "string", "", "date and time of the correction, UTC"),
-    Column("saved_by", "string", "", "who made it: a person's name, or a program's", later=True),
+    whole("onset_frame", "first frame of contact (or of the stretch without)"),
+    whole("offset_frame", "first frame after it (half-open)"),
+    whole("covers_from", "first frame for which the verdict holds"),
+    whole("covers_to", "first frame after these (half-open)"),
+    text("saved_at", "date and time of the correction, UTC"),
+    text("saved_by", "who made it: a person's name, or a program's", later=True),
 )
 
 DECISION_COLUMNS = (
-    Column("video", "string", "", "name of the video's results folder"),
-    Column("whisker", "string", "", "name of the whisker"),
-    Column("decision", "string", "", "added or moved, confirmed, or no contact"),
-    Column("onset_frame", "int64", "", "first frame of contact (or of the stretch without)"),
-    Column("offset_frame", "int64", "", "first frame after it (half-open)"),
+    text("video", "name of the video's results folder"),
+    WHISKER,
+    text("decision", "added or moved, confirmed, or no contact"),
+    whole("onset_frame", "first frame of contact (or of the stretch without)"),
+    whole("offset_frame", "first frame after it (half-open)"),
     number("onset_s", "s", "onset_frame / frames_per_second"),
     number("duration_ms", "ms", "from onset to offset"),
-    Column("decided_by", "string", "", "name of the person, or of the program"),
-    Column("decided_at", "string", "", "date and time, UTC"),
+    text("decided_by", "name of the person, or of the program"),
+    text("decided_at", "date and time, UTC"),
 )
 
 EVIDENCE_COLUMNS = (
-    Column("frame", "int32", "", "frame number, from 0"),
-    Column("whisker", "string", "", "name of the whisker"),
+    FRAME,
+    WHISKER,
     number("distance_m", "m", "traced whisker surface to pole surface"),
     number("nearest_m", "m", "arc length of the point nearest to the pole"),
-    Column("side", "int64", "", "1: pole on the side of the whisker's normal, -1: other, 0: none"),
-    Column("pole_known", "bool", "", "the pole is in view and at rest"),
-    Column("extended", "bool", "", "the nearest point lies beyond the traced part"),
-    Column(
-        "across", "bool", "", "the whisker lies across the pole: in another plane, or over dust"
-    ),
-    Column("interpolated", "bool", "", "the codec made the frame out of frames before and after"),
-    Column("rest_known", "bool", "", "the rest shape is known from enough free frames"),
+    whole("side", "1: pole on the side of the whisker's normal, -1: other, 0: none"),
+    yes_no("pole_known", "the pole is in view and at rest"),
+    yes_no("extended", "the nearest point lies beyond the traced part"),
+    yes_no("across", "the whisker lies across the pole: in another plane, or over dust"),
+    yes_no("interpolated", "the codec made the frame out of frames before and after"),
+    yes_no("rest_known", "the rest shape is known from enough free frames"),
     number("origin_m", "m", "correction of the hidden length, added to all arc lengths"),
     number("origin_se_m", "m", "standard error of origin_m"),
     number("gap_m", "m", "distance from the fitted rod's surface to the pole's"),

@@ -1,28 +1,7 @@
 """The dictionary of tables, columns and flags: docs/tables.md."""
 
-from pipeline.tables.calibration_columns import (
-    CALIBRATED_VIEW_COLUMNS,
-    DENSITY_COLUMNS,
-    DUST_COLUMNS,
-    DUST_CONTACT_COLUMNS,
-    DUST_VIDEO_COLUMNS,
-    GEOMETRY_COLUMNS,
-    PROFILE_COLUMNS,
-    RINGDOWN_COLUMNS,
-    SPACE_LINE_COLUMNS,
-    VIEW_CONTACT_COLUMNS,
-    VIEW_FRAME_COLUMNS,
-)
-from pipeline.tables.columns import (
-    CENTRELINE_COLUMNS,
-    CONTACT_COLUMNS,
-    CONTACT_FLAGS,
-    CORRECTION_COLUMNS,
-    DECISION_COLUMNS,
-    EVIDENCE_COLUMNS,
-    FRAME_COLUMNS,
-    VIDEO_COLUMNS,
-)
+from pipeline.tables import calibration_columns as calibrated
+from pipeline.tables import columns as declared
 
 OF_LINES = """\
 A row per whisker and frame in which it was found (`tracked` in frames.parquet).
@@ -35,49 +14,67 @@ known. Where session.toml has no `[[whisker]]` tables, or only those that `init`
 dimension or another name, whiskers are called w1, w2, … along the face. Numbers after that of the
 last whisker stand for lines that could not be identified; they are not in `known`."""
 FILES = {
-    "centrelines.parquet": (OF_LINES, CENTRELINE_COLUMNS),
-    "frames.parquet": (OF_FRAMES, FRAME_COLUMNS),
-    "contacts.csv": ("A row per contact.", CONTACT_COLUMNS),
-    "videos.csv": ("A row per input video.", VIDEO_COLUMNS),
+    "centrelines.parquet": (OF_LINES, declared.CENTRELINE_COLUMNS),
+    "frames.parquet": (OF_FRAMES, declared.FRAME_COLUMNS),
+    "contacts.csv": ("A row per contact.", declared.CONTACT_COLUMNS),
+    "videos.csv": ("A row per input video.", declared.VIDEO_COLUMNS),
     "corrections.csv": (
         "A person's verdicts on a video's contacts (docs/curate.md), a row per verdict.",
-        CORRECTION_COLUMNS,
+        declared.CORRECTION_COLUMNS,
     ),
     "decisions.csv": (
         "Of `curate`: the corrections of all videos, a row per decision.",
-        DECISION_COLUMNS,
+        declared.DECISION_COLUMNS,
     ),
     "evidence.parquet": (
         "The measurements behind a video's contacts, a row per whisker and frame, in SI units.",
-        EVIDENCE_COLUMNS,
+        declared.EVIDENCE_COLUMNS,
     ),
     "geometry.csv": (
         "Of `calibrate geometry`, a row per micrograph; density only where a mass is given.",
-        (*GEOMETRY_COLUMNS, *DENSITY_COLUMNS),
+        (*calibrated.GEOMETRY_COLUMNS, *calibrated.DENSITY_COLUMNS),
+    ),
+    "pooled.csv": (
+        "Of `calibrate geometry`, a row per dimension, where several whiskers are measured.",
+        calibrated.POOLED_COLUMNS,
     ),
     "<micrograph>_profile.csv": (
         "Of `calibrate geometry`, a row per cross-section of a whisker.",
-        PROFILE_COLUMNS,
+        calibrated.PROFILE_COLUMNS,
     ),
-    "dust.csv": ("Of `calibrate dust`, a row per frame.", DUST_COLUMNS),
-    "dust_contacts.csv": ("Of `calibrate dust`, a row per contact.", DUST_CONTACT_COLUMNS),
+    "dust.csv": ("Of `calibrate dust`, a row per frame.", calibrated.DUST_COLUMNS),
+    "dust_contacts.csv": (
+        "Of `calibrate dust`, a row per contact.",
+        calibrated.DUST_CONTACT_COLUMNS,
+    ),
     "dust_videos.csv": (
         "Of `calibrate dust`, a row per video, then one of all together.",
-        DUST_VIDEO_COLUMNS,
+        calibrated.DUST_VIDEO_COLUMNS,
     ),
-    "views.csv": ("Of `calibrate views`, a row per frame.", VIEW_FRAME_COLUMNS),
-    "view_contacts.csv": ("Of `calibrate views`, a row per contact.", VIEW_CONTACT_COLUMNS),
+    "views.csv": ("Of `calibrate views`, a row per frame.", calibrated.VIEW_FRAME_COLUMNS),
+    "view_contacts.csv": (
+        "Of `calibrate views`, a row per contact.",
+        calibrated.VIEW_CONTACT_COLUMNS,
+    ),
     "calibration.csv": (
         "Of `calibrate views`: how points of one view correspond to those of the other.",
-        CALIBRATED_VIEW_COLUMNS,
+        calibrated.CALIBRATED_VIEW_COLUMNS,
+    ),
+    "points.csv": (
+        "What `calibrate views` takes as `--points`, a row per point that both views show.",
+        calibrated.POINT_COLUMNS,
     ),
     "lines_3d.parquet": (
         "Of `calibrate views`, a row per frame that both views show.",
-        SPACE_LINE_COLUMNS,
+        calibrated.SPACE_LINE_COLUMNS,
     ),
     "ringdown.csv": (
         "Of `calibrate ringdown`, a row per slip, then one of all together.",
-        RINGDOWN_COLUMNS,
+        calibrated.RINGDOWN_COLUMNS,
+    ),
+    "follicle.csv": (
+        "Of `calibrate ringdown`, a row per stiffness of the follicle.",
+        calibrated.FOLLICLE_COLUMNS,
     ),
 }
 
@@ -98,7 +95,7 @@ def data_dictionary() -> str:
             for c in columns
         ]
     lines += ["", "## Flags of contacts", "", "| flag | meaning |", "|---|---|"]
-    lines += [f"| `{flag}` | {meaning} |" for flag, meaning in CONTACT_FLAGS.items()]
+    lines += [f"| `{flag}` | {meaning} |" for flag, meaning in declared.CONTACT_FLAGS.items()]
     return "\n".join(lines) + "\n"
 
 

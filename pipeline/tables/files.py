@@ -75,7 +75,6 @@ def read_numbered_csv(path, columns, advice=RUN_AGAIN) -> tuple[pd.DataFrame, li
 
 def _csv_table(path, columns):
     header, rows, lines = _csv_rows(path)
-    check_separator(header)
     missing = [c.name for c in columns if c.name not in header and not c.later]
     if missing:
         found = ", ".join(header)[: 5 * SHOWN] or "none"
@@ -115,6 +114,7 @@ def _csv_rows(path):
     except csv.Error as error:
         raise ValueError(str(error)) from None
     (_, header), *numbered = numbered or [(1, [])]
+    check_separator(header)
     width = len(header)
     for line, row in numbered:
         if len(row) > width:

@@ -104,6 +104,15 @@ def test_a_damaged_file_fails_by_itself(tracked, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("program", "name"), [("janelia", "a.whiskers"), ("dlc", "a.csv"), ("sleap", "a.h5")]
+)
+def test_an_empty_file_says_so(session, tmp_path, capsys, program, name):
+    (session / name).write_bytes(b"")
+    assert run("import", program, session / name, "--out", tmp_path / "out") == 1
+    assert f"failed: a ({session / name}): the file is empty; copy" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("import", "janelia", "nowhere", "--out", "o"), "no such file or folder: nowhere"),
@@ -120,6 +129,14 @@ def test_what_cannot_be_used_is_said_in_one_line(
     said = capsys.readouterr().err.strip()
     assert message in said
     assert len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize("out", ["note.txt", "note.txt/in/it"])
+def test_a_file_in_place_of_the_folder_is_refused_before_any_work(tmp_path, capsys, out):
+    (tmp_path / "note.txt").write_text("a person's")
+    assert run("calibrate", "geometry", "no.png", "--out", tmp_path / out) == 2
+    expected = f"--out {tmp_path / out}: {tmp_path / 'note.txt'} is a file, not a folder; choose"
+    assert expected in capsys.readouterr().err
 
 
 def test_names_that_no_whisker_of_the_session_has_are_unusable(session, tmp_path, capsys):

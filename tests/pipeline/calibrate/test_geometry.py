@@ -220,6 +220,15 @@ def test_what_is_no_picture_is_refused(tmp_path):
         measure_geometry(tmp_path / "note.png", 130)
     with pytest.raises(VideoError, match=r"gone\.png.*cannot be opened"):
         measure_geometry(tmp_path / "gone.png", 130)
+    (tmp_path / "empty.png").write_bytes(b"")
+    with pytest.raises(VideoError, match=r"empty\.png.*the file is empty"):
+        measure_geometry(tmp_path / "empty.png", 130)
+
+
+def test_of_several_pages_none_is_measured_in_silence(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", np.full((2, 200, 200), 200, np.uint8))
+    with pytest.raises(VideoError, match=r"a\.tif: has more than one page: expected one"):
+        measure_geometry(tmp_path / "a.tif", 130)
 
 
 @pytest.mark.parametrize(

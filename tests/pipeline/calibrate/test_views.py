@@ -10,13 +10,14 @@ import pytest
 from pipeline.app import calibrate_views, cli
 from pipeline.calibrate import views as views_module
 from pipeline.calibrate.lines_3d import path_row, space_line, unroll
-from pipeline.calibrate.two_views import COLUMNS, ViewsError, fit_views, read_points
+from pipeline.calibrate.two_views import ViewsError, fit_views, read_points
 from pipeline.calibrate.views import _lag
 from pipeline.convert.results import lines_of_rows
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import centrelines, files, whole_files
 from pipeline.tables.calibration_columns import (
     CALIBRATED_VIEW_COLUMNS,
+    POINT_COLUMNS,
     VIEW_CONTACT_COLUMNS,
     VIEW_FRAME_COLUMNS,
 )
@@ -283,7 +284,8 @@ def test_a_video_of_another_scale_is_not_put_together_by_these_points(scales):
 
 
 def test_points_saved_with_semicolons_say_so(tmp_path):
-    table = pd.DataFrame(np.arange(24.0).reshape(6, 4) / 2, columns=COLUMNS)
+    names = [column.name for column in POINT_COLUMNS]
+    table = pd.DataFrame(np.arange(24.0).reshape(6, 4) / 2, columns=names)
     table.to_csv(tmp_path / "points.csv", index=False, sep=";", decimal=",")
     with pytest.raises(ViewsError, match=r"points.csv: .*separated by semicolons"):
         read_points(tmp_path / "points.csv")
@@ -292,17 +294,50 @@ def test_points_saved_with_semicolons_say_so(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"\xff\xfe", b'a,b\n"1'], ids=["empty", "text", "quote"])
 def test_points_in_a_file_of_another_kind_say_so(tmp_path, content):
     (tmp_path / "points.csv").write_bytes(content)
-    with pytest.raises(
-        ViewsError, match=r"points.csv: is no CSV file .*save a table with the col"
-    ):
+    with pytest.raises(ViewsError, match=r"--points .*points.csv: .*; save a table with the col"):
         read_points(tmp_path / "points.csv")
+
+
+@pytest.mark.parametrize(
+    ("place", "expected"),
+    [
+        (".", "is a directory.*; give a CSV file with the columns first_x_px, "),
+        ("a.csv", "No such"),
+    ],
+)
+def test_points_that_are_no_file_name_the_option(tmp_path, place, expected):
+    with pytest.raises(ViewsError, match=f"(?i)--points .*{expected}"):
+        read_points(tmp_path / place)
+
+
+@pytest.mark.parametrize(
+    ("cell", "expected"), [("abc", "first_x_px is 'abc', expected a number"), ("", "four numbers")]
+)
+def test_a_place_of_a_point_that_is_no_number_is_named_with_its_line(tmp_path, cell, expected):
+    path, names = tmp_path / "points.csv", ",".join(column.name for column in POINT_COLUMNS)
+    path.write_text(f"{names}\n1,2,3,4\n{cell},6,7,8\n", encoding="utf-8")
+    with pytest.raises(ViewsError, match=f"points.csv: line 3: .*{expected}"):
+        read_points(path)
+
+
+@pytest.mark.parametrize("row", [0, 4, 11])
+def test_the_point_that_does_not_match_is_named(row):
+    """As where a person has lost a decimal point."""
+    given = points(np.random.default_rng(2))
+    given[row, 2] *= 10
+    with pytest.raises(ViewsError, match=f"do not match: .*the most in row {row + 2};"):
+        fit_views(given, FIRST)
 
 
 @pytest.mark.parametrize(
     ("change", "options", "expected"),
     [
         (_shuffled, (), ["points.csv: the matched points do not match", "row"]),
-        (lambda t: t.drop(columns="second_x_px"), (), ["second_x_px missing"]),
+        (
+            lambda t: t.drop(columns="second_x_px"),
+            (),
+            ["points.csv: expected column second_x_px, found"],
+        ),
         (lambda t: t.head(4), (), ["points.csv: 4 matched points"]),
         (
             lambda t: t.assign(second_x_px=t["second_x_px"] + 90),

@@ -362,6 +362,20 @@ def test_other_tables_than_deeplabcuts_are_named(tmp_path, suffix, change):
         read_deeplabcut(path)
 
 
+@pytest.mark.parametrize("program", ["dlc", "sleap"])
+def test_a_place_that_is_no_number_is_named(tmp_path, program):
+    path, table = (
+        tmp_path / "a.csv",
+        (deeplabcut_table if program == "dlc" else sleap_table)(several()),
+    )
+    table.to_csv(path)
+    text = path.read_text().splitlines()
+    cells = text[-1].split(",")
+    path.write_text("\n".join([*text[:-1], ",".join([*cells[:-1], "abc"])]))
+    with pytest.raises(InputError, match=r"a\.csv: .*\(\S.* is 'abc' in row \d+ of its points\)"):
+        (read_deeplabcut if program == "dlc" else read_sleap)(path)
+
+
 def far(points):
     return replace(points, xy=1e9 * points.xy)
 

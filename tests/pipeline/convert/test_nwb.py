@@ -120,9 +120,22 @@ def test_a_wrong_date_is_reported(videos, tmp_path):
         write_nwb(tmp_path, videos[0], "yesterday")
 
 
+@pytest.mark.parametrize("age", ["P90D", "P2Y6M", "PT12H", "P1D/P3D", "P90Y/"])
+def test_ages_and_ranges_of_them_are_durations(videos, tmp_path, age):
+    (path,) = write_nwb(tmp_path, videos[0], age=age)
+    with read(path) as file:
+        assert file.read().subject.age == age
+
+
 @pytest.mark.parametrize(
     ("given", "words"),
-    [({"sex": "male"}, "--sex male: expected F .*M"), ({"age": "90"}, "--age 90: .*such as P90D")],
+    [
+        ({"sex": "male"}, "--sex male: expected F .*M"),
+        ({"age": "90"}, "--age 90: .*such as P90D"),
+        ({"age": "P90"}, "--age P90: .*such as P90D"),
+        ({"age": "P1D/PT"}, "--age P1D/PT: .*such as P90D"),
+        ({"species": "mouse"}, "--species mouse: expected its Latin name"),
+    ],
 )
 def test_what_the_format_does_not_know_of_an_animal_is_refused(videos, tmp_path, given, words):
     with pytest.raises(InputError, match=words):

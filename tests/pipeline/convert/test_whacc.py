@@ -129,7 +129,7 @@ def test_contacts_are_taken_as_corrections(videos, tmp_path):
     [
         ([b"x.mp4"], 120, "", "no video is in both"),
         ([b"one.mp4"], 99, "", "has 99 frames of one, its results 120"),
-        ([b"one.mp4"], 120, "D1", "has whiskers C2; say whose contacts"),
+        ([b"one.mp4"], 120, "D1", "--whisker D1: .* has whiskers C2; say whose contacts"),
     ],
 )
 def test_what_does_not_fit_is_reported(videos, tmp_path, names, count, whisker, message):
