@@ -165,6 +165,8 @@ def test_wrong_names_are_reported_with_those_there_are(analysis, axis):
         plot_course(analysis.frames, whisker="C3", ax=axis)
     with pytest.raises(ValueError, match=r"contact_force_uN.*got 'force'"):
         plot_course(analysis.frames, "force", ax=axis)
+    with pytest.raises(ValueError, match=r"one of frame, .*in_contact.*got 'whisker'"):
+        plot_course(analysis.frames, "whisker", ax=axis)
 
 
 @pytest.mark.parametrize(

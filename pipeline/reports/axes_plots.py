@@ -23,8 +23,7 @@ def plot_course(frames: pd.DataFrame, column="contact_force_uN", whisker=None, a
     whisker : one name, or several; None: all
     ax : matplotlib axes to draw on; None: the current ones
     """
-    if column not in frames:
-        raise ValueError(f"column must be one of {', '.join(frames.columns)}, got {column!r}")
+    _check_columns(frames, column)
     names = _chosen(frames, whisker)
     ax = ax or _current_axes()
     for k, name in enumerate(names):
@@ -77,11 +76,7 @@ def plot_contacts(contacts: pd.DataFrame, x="duration_ms", y="peak_force_uN", ax
     x, y : columns
     ax : matplotlib axes to draw on; None: the current ones
     """
-    for column in (x, y):
-        if column not in contacts:
-            raise ValueError(
-                f"column must be one of {', '.join(contacts.columns)}, got {column!r}"
-            )
+    _check_columns(contacts, x, y)
     ax = ax or _current_axes()
     for k, (name, rows) in enumerate(contacts.groupby("whisker", sort=False)):
         ax.plot(rows[x], rows[y], _marker(k), ms=4, color=style_of(k).colour, label=str(name))
@@ -114,6 +109,14 @@ def _error_column(column) -> str:
     if column.endswith("_deg"):
         return f"{column.removesuffix('_deg')}_se_deg"
     return f"{column}_se"
+
+
+def _check_columns(table, *columns):
+    """ValueError where a column is not there, or holds no numbers."""
+    known = table.select_dtypes(["number", "bool"]).columns
+    for column in columns:
+        if column not in known:
+            raise ValueError(f"column must be one of {', '.join(known)}, got {column!r}")
 
 
 def _chosen(frames, whisker) -> list:

@@ -91,7 +91,7 @@ def is_black(image) -> bool:
 
 
 def missing_numbers(names) -> list[int]:
-    """Numbers that a series of file names leaves out, by the last number in each.
+    """Numbers that a series of file names, in order, leaves out, by the last number in each.
 
     >>> missing_numbers(["a_01.png", "a_02.png", "a_04.png", "a_05.png"])
     [3]
@@ -99,15 +99,28 @@ def missing_numbers(names) -> list[int]:
     found = [re.findall(r"\d+", name.rsplit(".", 1)[0]) for name in names]
     if not all(found):
         return []
-    numbers = sorted(int(each[-1]) for each in found)
+    numbers = [int(each[-1]) for each in found]
     steps = [b - a for a, b in pairwise(numbers)]
     usual = int(np.median(steps)) if steps else 0
-    if usual < 1 or any(step % usual for step in steps):
+    if usual < 1 or any(step < 0 or step % usual for step in steps):
         return []
     gaps = [(a, b) for a, b in pairwise(numbers) if b - a > usual]
     if len(gaps) > max(MOST_GAPS * len(numbers), 2):
         return []  # no series
     return [number for a, b in gaps for number in range(a + usual, min(b, a + 10_000), usual)]
+
+
+def renumbered(stems) -> list[int]:
+    """Where the last number in a series of names begins again as at first, as of two cameras.
+
+    >>> renumbered(["cam1_07", "cam1_08", "cam2_07", "cam2_08"])
+    [2]
+    """
+    parts = [re.fullmatch(r"(.*?)(\d+)\D*", stem) for stem in stems]
+    if not all(parts):
+        return []
+    series = [(k, part[1], int(part[2])) for k, part in enumerate(parts)]
+    return [k for (_, a, _), (k, b, n) in pairwise(series) if a != b and n == series[0][2]]
 
 
 def missing_by_times(times, resolution) -> tuple[list[tuple[int, int]], bool]:

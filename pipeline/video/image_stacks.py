@@ -13,7 +13,7 @@ from pipeline.errors import VideoError, counted
 from pipeline.numerics.runs import evenly
 from pipeline.video.base import RandomAccessVideo, bits_to_drop, check_pixels, to_8_bit
 from pipeline.video.decoder_log import lost_pages
-from pipeline.video.frame_faults import SHOWN, missing_numbers
+from pipeline.video.frame_faults import SHOWN, missing_numbers, renumbered
 from pipeline.video.image_file import decoded
 
 PNG = b"\x89PNG\r\n\x1a\n"  # a file of that kind begins so; width and height are at byte 16
@@ -193,17 +193,31 @@ def _unpacked(page):
 
 
 class ImageFolderVideo(ImageStack):
-    """Image files, in the given order, as one video; `left_out` are those of other kinds."""
+    """Image files, in the given order, as one video.
 
-    def __init__(self, path, files, left_out=()):
+    left_out, strangers : files beside them that are of other kinds, or have other names
+    """
+
+    def __init__(self, path, files, left_out=(), strangers=()):
         self._path = path
         self._files = list(files)
         super().__init__(path, len(self._files))
         if left_out:
             self.notes += (
-                f"{counted(len(left_out), 'image')} of another kind left out ({left_out[0].name}"
-                f"{', …' * (len(left_out) > 1)}): a video has images of one kind, here "
+                f"{counted(len(left_out), 'image')} of another kind left out "
+                f"({_first(left_out)}): a video has images of one kind, here "
                 f"{self._files[0].suffix}; convert them if they are frames, else move them away",
+            )
+        if strangers:
+            self.notes += (
+                f"{counted(len(strangers), 'image')} left out ({_first(strangers)}): names of a "
+                f"video's images differ in their numbers alone, here {_first(self._files)}; "
+                "rename them if they are frames, else put them into a folder of their own",
+            )
+        if restarts := renumbered([file.stem for file in self._files]):
+            self.notes += (
+                f"the numbers of the images begin again at {self._files[restarts[0]].name}: if "
+                "other cameras or recordings begin there, put each into a folder of its own",
             )
         missing = missing_numbers([file.name for file in self._files])
         if missing:
@@ -230,6 +244,11 @@ class ImageFolderVideo(ImageStack):
         if data[:8].tobytes() == PNG:
             check_pixels(file, *struct.unpack(">II", data[16:24].tobytes().ljust(8, b"\1")))
         return decoded(data)
+
+
+def _first(files) -> str:
+    """The first one's name, and whether there are more."""
+    return f"{files[0].name}{', …' * (len(files) > 1)}"
 
 
 def unreadable(path, index, what, reason) -> VideoError:

@@ -225,19 +225,24 @@ def natural_key(path: Path):
 
 
 def images_of(folder):
-    """Return the image files of the commonest kind in `folder`, in natural order."""
+    """Return the image files in `folder` that are a video's frames, in natural order."""
     return _images_by_kind(folder)[0]
 
 
-def _images_by_kind(folder) -> tuple[list[Path], list[Path]]:
-    """Image files of the commonest kind in `folder`, and the others, in natural order."""
+def _images_by_kind(folder) -> tuple[list[Path], list[Path], list[Path]]:
+    """Image files that are frames, those of another kind, and those named otherwise, in order.
+
+    Frames' names differ in their numbers alone, where there are two such names.
+    """
     images = _images(_listing(folder))
     if images:
-        kinds = [SAME_KIND.get(item.suffix.lower(), item.suffix.lower()) for item in images]
-        commonest = Counter(kinds).most_common(1)[0][0]
-        pairs = list(zip(images, kinds, strict=True))
-        return [i for i, k in pairs if k == commonest], [i for i, k in pairs if k != commonest]
+        same, others = _commonest(images, _kind)
+        frames, strangers = _commonest(same, lambda item: re.sub(r"\d+", "#", item.stem.lower()))
+        return (frames, others, strangers) if len(frames) > 1 else (same, others, [])
     names = [item.name for item in _listing(folder)]
+    videos = [name for name in names if Path(name).suffix.lower() in VIDEO_SUFFIXES]
+    if videos:
+        raise VideoError(folder, f"is a folder of videos: name one, such as {videos[0]}", 0)
     if not names and not os.access(folder, os.R_OK | os.X_OK):
         raise VideoError(folder, "may not be read: change its permissions, or move it away", 0)
     if not names:
@@ -248,6 +253,17 @@ def _images_by_kind(folder) -> tuple[list[Path], list[Path]]:
     raise VideoError(
         folder, f"holds neither videos nor images (only {some}): name a folder of videos", 0
     )
+
+
+def _kind(item) -> str:
+    """An image's suffix; one for all that mean the same."""
+    return SAME_KIND.get(item.suffix.lower(), item.suffix.lower())
+
+
+def _commonest(items, key) -> tuple[list, list]:
+    """The items whose key is the commonest one, and the others."""
+    commonest = Counter(map(key, items)).most_common(1)[0][0]
+    return [i for i in items if key(i) == commonest], [i for i in items if key(i) != commonest]
 
 
 def _images(items):

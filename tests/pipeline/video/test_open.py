@@ -537,6 +537,42 @@ class TestImageFolders:
         assert "1 image of another kind left out (photo.jpg): " in said
         assert "here .png; convert" in said
 
+    @pytest.mark.parametrize("other", [["ruler.png"], ["camB_0001.png", "camB_0002.png"]])
+    def test_images_of_another_name_are_no_frames_and_named(self, tmp_path, other):
+        for i, name in enumerate([f"camA_{k:04}.png" for k in range(3)] + other):
+            cv2.imwrite(str(tmp_path / name), picture(i))
+        with open_video(tmp_path) as video:
+            (said,) = video.notes
+        assert len(read(tmp_path)) == 3
+        assert f"{len(other)} image" in said
+        assert f"left out ({other[0]}" in said
+        assert "here camA_0000.png, …; rename them" in said
+
+    def test_names_without_a_pattern_are_all_frames(self, tmp_path):
+        for i, name in enumerate("abc"):
+            cv2.imwrite(str(tmp_path / f"{name}.png"), picture(i))
+        with open_video(tmp_path) as video:
+            assert not video.notes
+        assert len(read(tmp_path)) == 3
+
+    def test_cameras_with_numbers_are_said_where_their_images_begin(self, tmp_path):
+        for i, name in enumerate(["cam1_0001", "cam1_0002", "cam2_0001", "cam2_0002"]):
+            cv2.imwrite(str(tmp_path / f"{name}.png"), picture(i))
+        with open_video(tmp_path) as video:
+            (said,) = video.notes
+        assert "begin again at cam2_0001.png: if other cameras" in said
+
+    def test_times_in_names_are_no_cameras(self, tmp_path):
+        for i, name in enumerate(["t_05_998", "t_05_999", "t_06_000", "t_06_001"]):
+            cv2.imwrite(str(tmp_path / f"{name}.png"), picture(i))
+        with open_video(tmp_path) as video:
+            assert not video.notes
+
+    def test_a_folder_of_videos_is_no_video(self, tmp_path):
+        (tmp_path / "session.toml").touch()
+        (tmp_path / "trial.avi").touch()
+        assert "is a folder of videos: name one, such as trial.avi" in str(error_of(tmp_path))
+
     def test_endings_of_one_kind_are_spelt_in_two_ways(self, tmp_path):
         for i in range(4):
             cv2.imwrite(str(tmp_path / f"{i}.{'tif' if i % 2 else 'tiff'}"), picture(i))
