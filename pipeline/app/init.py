@@ -151,7 +151,8 @@ def look_at(path) -> Look:
     recording = Recording(FRAMES_PER_SECOND, scale, scene.face_side)
     options = options_for_picture(recording, sample.shape[1:], DEFAULTS)
     templates = find_templates(sample, scene, options)
-    likely, _ = whisker_like(templates, len(sample), sample.shape[1:])
+    seen = len(sample), sample.shape[1:]
+    likely, _ = whisker_like(templates, *seen, unseen_face=scene.unseen_face)
     if not likely:
         scene, scale = without_pole(scene), _usual_scale(video)
     names = counted_names(likely, scene.face_side, options)

@@ -224,6 +224,8 @@ def with_unnamed(frame, track, base, whisker, sure, unnamed_confidence):
     first = whisker.max(initial=-1) + 1
     last = []  # row of each of the new numbers
     unnamed = np.flatnonzero(whisker < 0)
+    if not len(unnamed):  # which would split into one part, of no line
+        return whisker, sure
     unnamed = unnamed[np.lexsort((frame[unnamed], track[unnamed]))]
     parts = np.split(unnamed, np.flatnonzero(np.diff(track[unnamed])) + 1)
     least = min(FEWEST_FRAMES, len(np.unique(frame)))

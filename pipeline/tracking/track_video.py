@@ -115,7 +115,7 @@ def _followed(frames, scenes, tracker, chunk_frames) -> Iterator[Centrelines]:
             collector.add(index, number, line, seen.trust)
         if (index + 1) % chunk_frames == 0:
             yield collector.take(spacing)
-    if collector.rows or index < 0:
+    if collector.rows or index + 1 < chunk_frames:  # also that no line was followed at all
         yield collector.take(spacing)
 
 

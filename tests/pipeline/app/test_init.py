@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import tifffile
 
 from pipeline.app.init import (
     POLE_DIAMETER_MM,
@@ -17,6 +18,7 @@ from pipeline.app.init import (
     called_apart,
     findings,
     init_folder,
+    look_at,
 )
 from pipeline.detection.static_scene import PoleTrack, StaticScene
 from pipeline.errors import InputError
@@ -63,6 +65,22 @@ def test_the_scale_is_from_the_disc_most_similar_to_a_pole():
         scene, _, scale = _scene_and_scale(prepare_video(video, 14.0))
     assert (scene.pole.x_px[0], scene.pole.y_px[0]) == pytest.approx(where, abs=0.2)
     assert scale * POLE_DIAMETER_MM == pytest.approx(2 * radius, abs=0.5)
+
+
+def test_a_round_thing_beside_two_things_that_move_amid_the_picture_is_no_pole(tmp_path):
+    """As `run` judges them: with no face in view, so few lines are no whiskers."""
+    rng, frames = np.random.default_rng(0), []
+    for angle in 0.1 * np.sin(np.linspace(0, 12, 24)):
+        picture = np.where(np.hypot(COLUMNS - 270, ROWS - 30) < RADIUS, 10.0, 180.0)
+        for y in (90, 150):
+            along, across = COLUMNS - 80, ROWS - y - angle * (COLUMNS - 80)
+            thickness = np.clip(1.5 - 1.4 * along / 150, 0, None) * (along > 0)
+            picture *= np.exp(-thickness / 3 * np.exp(-(across**2) / 2.9))
+        frames.append(np.rint(picture + rng.normal(0, 2, SHAPE)).astype(np.uint8))
+    tifffile.imwrite(tmp_path / "a.tif", np.array(frames))
+    look = look_at(tmp_path / "a.tif")
+    assert look.names == ()
+    assert look.pole is None
 
 
 def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():

@@ -139,6 +139,16 @@ def test_no_whisker_gives_no_template(noisy):
     assert find_templates([image] * 3, noisy.scene, noisy.options, ["C2"]) == []
 
 
+@pytest.mark.parametrize("chunk_frames", [4, 10])
+def test_where_no_line_is_followed_no_name_stays(noisy, chunk_frames):
+    """Not even of what the first look took for a whisker."""
+    empty = np.clip(noisy.scene.background, 0, 255).astype(np.uint8)
+    what = noisy.scene, noisy.templates, noisy.options
+    (lines,) = trace_templates([empty] * 6, *what, chunk_frames, given=())
+    assert len(lines) == 0
+    assert lines.names == ()
+
+
 def test_whiskers_are_found_as_soon_as_the_light_is_on(noisy):
     dark = np.zeros_like(noisy.images[0])
     frames = [dark] * 6 + noisy.images[:4] + [dark] * 5 + noisy.images[4:8]
