@@ -17,7 +17,6 @@ a video are held in memory, as they are and changed: the program is for pieces o
 frames.
 """
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Callable
@@ -228,19 +227,13 @@ def rows_of(video: Path, face: str, labelled, args) -> list[list[str]]:
 
 def arguments(argv=None):
     """The command line's arguments."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument(
-        "videos", type=real_recordings.video_and_face, nargs="+", metavar="VIDEO:SIDE"
-    )
-    parser.add_argument("--labels", type=Path, help="JSON of whiskers followed by eye")
+    parser = real_recordings.parser_of(__doc__)
     parser.add_argument("--scale", type=float, default=16.0, help="pixels per mm")
-    parser.add_argument("--frames-per-second", type=float, default=1000.0)
     measuring.add_seed(parser, "of the noise")
     parser.add_argument(
         "--only", nargs="+", choices=BY_NAME, default=list(BY_NAME), metavar="CHANGE",
         help=f"some of: {'; '.join(BY_NAME).replace('%', '%%')}",
     )  # fmt: skip
-    parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
     return parser.parse_args(argv)
 
 

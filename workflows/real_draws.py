@@ -10,7 +10,6 @@ has the mean over these draws and, in brackets, the least and the most. Its colu
 memory.
 """
 
-import argparse
 import sys
 from pathlib import Path
 
@@ -21,7 +20,7 @@ import real_angles
 import real_directions
 import real_lines
 from changed_pictures import frames_of, noise
-from real_recordings import labels_for, processed, settings_for, video_and_face
+from real_recordings import labels_for, parser_of, processed, settings_for
 
 UNSEEN_SD = 0.5  # grey levels
 HEADER = ["video", "direction", "clear", "faint", "wrong / frame", "known", "names agree"]
@@ -70,14 +69,10 @@ def rows_of(video: Path, face: str, labelled, args) -> list[list[str]]:
 
 def arguments(argv=None):
     """The command line's arguments."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("videos", type=video_and_face, nargs="+", metavar="VIDEO:SIDE")
-    parser.add_argument("--labels", type=Path, help="JSON of whiskers followed by eye")
+    parser = parser_of(__doc__)
     parser.add_argument("--draws", type=int, default=6, help="of the noise")
     measuring.add_seed(parser, "of the noise")
     parser.add_argument("--scale", default="16", help="pixels per mm")
-    parser.add_argument("--frames-per-second", type=float, default=1000.0)
-    parser.add_argument("--write", type=Path, help="a Markdown file to put the table into")
     return parser.parse_args(argv)
 
 

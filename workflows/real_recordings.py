@@ -222,17 +222,23 @@ def labels_for(path: Path | None, videos) -> dict:
     return labels
 
 
+def parser_of(doc) -> argparse.ArgumentParser:
+    """The options that all tables of real recordings have; `doc` is that of the script."""
+    parser = argparse.ArgumentParser(description=doc.split("\n\n")[0])
+    parser.add_argument("videos", type=video_and_face, nargs="+", metavar="VIDEO:SIDE")
+    parser.add_argument("--labels", type=Path, help="JSON of whiskers followed by eye")
+    parser.add_argument("--frames-per-second", type=float, default=1000.0)
+    parser.add_argument("--write", type=Path, help="a Markdown file to put the tables into")
+    return parser
+
+
 def arguments(argv=None):
     """The command line's arguments."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("videos", type=video_and_face, nargs="+", metavar="VIDEO:SIDE")
+    parser = parser_of(__doc__)
     parser.add_argument(
         "--scales", type=scales, default="12,16,25", help=f"pixels per mm, or {INIT}"
     )
-    parser.add_argument("--labels", type=Path, help="JSON of whiskers followed by eye")
     parser.add_argument("--backwards", action="store_true", help="process them backwards, too")
-    parser.add_argument("--frames-per-second", type=float, default=1000.0)
-    parser.add_argument("--write", type=Path, help="a Markdown file to put the tables into")
     return parser.parse_args(argv)
 
 
