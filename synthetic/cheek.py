@@ -9,14 +9,7 @@ import numpy as np
 
 from synthetic.motion import Motion, smooth_noise
 from synthetic.scene import Particle
-from synthetic.staging import (
-    Setting,
-    base_path,
-    c2_scene,
-    driven_motion,
-    scene_touches,
-    table_of,
-)
+from synthetic.staging import Setting, base_path, c2_scene, driven_motion, scene_touches, table_of
 from synthetic.touches import drive_touches
 
 EXTENT, PACE = 0.25e-3, 0.15  # of the cheek's motion: about half its range [m], time [s]

@@ -17,12 +17,7 @@ from pipeline.tables.whole_files import read_json, write_json, write_text
 from synthetic.encode import video_suffix, write_video
 from synthetic.presets import Trial, find_preset, make_trial, trial_place
 from synthetic.render import Renderer
-from synthetic.truth import (
-    centreline_table,
-    hidden_length,
-    visibility_table,
-    write_truth,
-)
+from synthetic.truth import centreline_table, hidden_length, visibility_table, write_truth
 
 STAGES = ("motion", "truth", "drawing", "noise", "encoding")
 _CURVATURE_AT_MM = 5.5

@@ -11,14 +11,7 @@ from matplotlib.figure import Figure
 
 import pipeline
 import synthetic
-from pipeline import (
-    analyse,
-    analyse_lines,
-    open_video,
-    read_results,
-    read_session,
-    write_session,
-)
+from pipeline import analyse, analyse_lines, open_video, read_results, read_session, write_session
 from pipeline.contacts.corrections import Verdict, table_of
 from pipeline.errors import InputError, VideoError
 from pipeline.reports.axes_plots import plot_centrelines, plot_contacts, plot_course

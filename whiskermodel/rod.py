@@ -21,13 +21,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from whiskermodel.rod_equilibrium import solve_batch
-from whiskermodel.rod_shapes import (
-    contact_frame,
-    force_per_push,
-    interpolate,
-    stress_free,
-    to_u,
-)
+from whiskermodel.rod_shapes import contact_frame, force_per_push, interpolate, stress_free, to_u
 from whiskermodel.whisker import Whisker
 
 _BATCH = 4096  # frames solved at once, to bound memory
@@ -109,13 +103,7 @@ def free_shape(whisker, base_x, base_y, base_angle, arc_length, intrinsic_curvat
 
 
 def solve_contact(
-    whisker: Whisker,
-    base,
-    pole,
-    side,
-    intrinsic_curvature=(0.0,),
-    friction=0.0,
-    guess=None,
+    whisker: Whisker, base, pole, side, intrinsic_curvature=(0.0,), friction=0.0, guess=None
 ) -> RodContact:
     """Equilibrium of the clamped whisker against a round pole, for many frames at once.
 

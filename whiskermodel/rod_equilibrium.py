@@ -2,13 +2,7 @@
 
 import numpy as np
 
-from whiskermodel.rod_shapes import (
-    force_per_push,
-    pole_from_base,
-    stress_free,
-    to_s,
-    to_u,
-)
+from whiskermodel.rod_shapes import force_per_push, pole_from_base, stress_free, to_s, to_u
 
 _NEWTON_ITERATIONS = 8
 _LARGEST_STEP = 0.3  # rad of push angle in one continuation step

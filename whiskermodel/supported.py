@@ -86,10 +86,7 @@ class SupportedResponse:
         c, whisker = self.contact_arc_length, self.free.whisker
         rigidity = whisker.base_flexural_rigidity
         moment = np.concatenate(
-            [
-                self.held.modes.at_base(2) @ held,
-                self.free.modes.at_base(2) @ free,
-            ]
+            [self.held.modes.at_base(2) @ held, self.free.modes.at_base(2) @ free]
         )
         if self.free.modes.follicle_stiffness == 0:
             moment = np.zeros_like(moment)

@@ -4,11 +4,7 @@ import measuring
 import numpy as np
 import pandas as pd
 
-from synthetic.scoring.line_scoring import (
-    LineScores,
-    line_figures,
-    rms,
-)
+from synthetic.scoring.line_scoring import LineScores, line_figures, rms
 from synthetic.scoring.table_scoring import (
     Z95,
     ContactMatch,

@@ -7,10 +7,7 @@ import typer
 from pipeline.app.options import GROUP, Debug, Out, Results, argument, option, up_to_date
 from pipeline.app.terminal import leave
 
-calibrate = typer.Typer(
-    help="Measure whiskers, follicle motion and elevation.",
-    **GROUP,
-)
+calibrate = typer.Typer(help="Measure whiskers, follicle motion and elevation.", **GROUP)
 
 Into = option(
     Path | None, "FILE", "Settings file (session.toml) to write the results to.", "--into"

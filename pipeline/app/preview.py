@@ -9,13 +9,7 @@ import numpy as np
 
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import counted
-from pipeline.messages import (
-    guessed_order,
-    no_whiskers,
-    pole_doubt,
-    settings_doubt,
-    value_doubts,
-)
+from pipeline.messages import guessed_order, no_whiskers, pole_doubt, settings_doubt, value_doubts
 from pipeline.reports.drawing import INK, PAPER, SHIFT, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
 from pipeline.reports.overlay import write_png

@@ -334,9 +334,6 @@ def _start(x, y, weight, grid):
     dx, dy = (away * x).sum(axis=1), (away * y).sum(axis=1)
     turn = np.arctan2(dy, dx)
     place = np.column_stack(
-        [
-            mean_x - mean_z * grid.half * np.cos(turn),
-            mean_y - mean_z * grid.half * np.sin(turn),
-        ]
+        [mean_x - mean_z * grid.half * np.cos(turn), mean_y - mean_z * grid.half * np.sin(turn)]
     )
     return place, np.column_stack([turn, np.zeros((len(turn), 2))])

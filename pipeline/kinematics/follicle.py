@@ -205,11 +205,7 @@ class FollicleFinder:
     """
 
     def __init__(
-        self,
-        samples: Centrelines,
-        hidden_px,
-        pixels_per_m: float,
-        params: KinematicsParams,
+        self, samples: Centrelines, hidden_px, pixels_per_m: float, params: KinematicsParams
     ):
         self.hidden_px = np.asarray(hidden_px, float)
         self.pixels_per_m, self.params = pixels_per_m, params

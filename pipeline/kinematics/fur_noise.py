@@ -58,12 +58,7 @@ class FurTrust:
     excess : (names, nodes) variance of the misfit over that of noise, 1 where there is no fur
     """
 
-    def __init__(
-        self,
-        samples: Centrelines,
-        pixels_per_m: float,
-        params: KinematicsParams,
-    ):
+    def __init__(self, samples: Centrelines, pixels_per_m: float, params: KinematicsParams):
         block = max(round(1e-3 * params.fur_block_mm * pixels_per_m), 1)
         blocks = max(round(params.fur_reach_mm / params.fur_block_mm), 1)
         window = round(1e-3 * params.fur_window_mm * pixels_per_m)

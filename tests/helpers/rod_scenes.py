@@ -72,7 +72,5 @@ def noisy(places, rng):
     """Places moved by noise across the whisker (and along it, which must not matter)."""
     shape = places.x.shape
     return replace(
-        places,
-        x=places.x + rng.normal(0, SD, shape),
-        y=places.y + rng.normal(0, SD, shape),
+        places, x=places.x + rng.normal(0, SD, shape), y=places.y + rng.normal(0, SD, shape)
     )

@@ -370,11 +370,7 @@ def test_free_shape_of_constant_curvature_is_a_circle():
     ],
 )
 def test_refuses_what_is_not_possible(change, named):
-    arguments = {
-        "base": (0.0, 0.0, 0.1),
-        "pole": (9e-3, 0.0, POLE_RADIUS),
-        "side": 1,
-    }
+    arguments = {"base": (0.0, 0.0, 0.1), "pole": (9e-3, 0.0, POLE_RADIUS), "side": 1}
     with pytest.raises(ValueError, match=named):
         solve_contact(mouse_c2(), **(arguments | change))
 

@@ -6,13 +6,7 @@ from promises.bad_files import try_folders, try_own, try_tables
 from promises.bad_scenes import try_random, try_scenes
 from promises.bad_video import WRITERS, try_container, try_odd
 from promises.by_tests import bounds, escaped, page
-from promises.disk import (
-    try_full_disk,
-    try_no_handles,
-    try_read_only,
-    try_removed,
-    try_two_runs,
-)
+from promises.disk import try_full_disk, try_no_handles, try_read_only, try_removed, try_two_runs
 from promises.killed_at_steps import try_steps
 from promises.killed_curations import try_curations
 from promises.killed_runs import try_dying_workers, try_interrupts, try_kills
@@ -54,10 +48,7 @@ PROMISES = (
         in_ci=0.05,
     ),
     Promise(
-        "interrupts",
-        INTERRUPTIONS,
-        "Ctrl-C stops a run cleanly within seconds",
-        try_interrupts,
+        "interrupts", INTERRUPTIONS, "Ctrl-C stops a run cleanly within seconds", try_interrupts
     ),
     Promise(
         "workers",
@@ -201,9 +192,6 @@ PROMISES = (
         escaped,
     ),
     Promise(
-        "bounds",
-        OTHERS,
-        "Compiled code reads and writes no element beyond an array's end",
-        bounds,
+        "bounds", OTHERS, "Compiled code reads and writes no element beyond an array's end", bounds
     ),
 )

@@ -48,6 +48,5 @@ escaped = functools.partial(
     ["tests/pipeline/reports/test_report.py", "tests/pipeline/session/test_session_file.py"],
 )
 bounds = functools.partial(
-    try_bounds,
-    [f"tests/pipeline/{room}" for room in ("numerics", "forces", "contacts")],
+    try_bounds, [f"tests/pipeline/{room}" for room in ("numerics", "forces", "contacts")]
 )

@@ -8,11 +8,7 @@ import pandas as pd
 from pipeline.app.earlier_results import PARQUETS
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
-from pipeline.tables.columns import (
-    CONTACT_COLUMNS,
-    CORRECTION_COLUMNS,
-    VIDEO_COLUMNS,
-)
+from pipeline.tables.columns import CONTACT_COLUMNS, CORRECTION_COLUMNS, VIDEO_COLUMNS
 
 CSVS = {
     "contacts.csv": CONTACT_COLUMNS,

@@ -54,12 +54,7 @@ def ran(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize(
     ("statuses", "code"),
-    [
-        (("done",), 0),
-        (("done", "warning"), 0),
-        (("done", "failed"), 1),
-        (("failed",), 1),
-    ],
+    [(("done",), 0), (("done", "warning"), 0), (("done", "failed"), 1), (("failed",), 1)],
 )
 def test_exit_status_of_run(ran, capsys, statuses, code):
     ran(*statuses)

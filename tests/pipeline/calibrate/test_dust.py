@@ -19,12 +19,7 @@ from pipeline.errors import VideoError
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.calibration_columns import DUST_CONTACT_COLUMNS, DUST_VIDEO_COLUMNS
-from pipeline.tables.columns import (
-    CONTACT_COLUMNS,
-    FRAME_COLUMNS,
-    VIDEO_COLUMNS,
-    as_table,
-)
+from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, VIDEO_COLUMNS, as_table
 
 SCALE = 25.0  # px/mm
 FRAMES, PLACES = 200, 180

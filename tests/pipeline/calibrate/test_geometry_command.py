@@ -146,16 +146,8 @@ def test_a_session_that_has_the_tips_radius_keeps_it(pictures, session, tmp_path
 @pytest.mark.parametrize(
     ("images", "options", "expected"),
     [
-        (
-            ["w0.png"],
-            {"--pixels-per-mm": 140e3},
-            ["pixels per m?", "--pixels-per-mm 140"],
-        ),
-        (
-            ["w0.png"],
-            {"--pixels-per-mm": 0.14},
-            ["pixels per µm?", "--pixels-per-mm 140"],
-        ),
+        (["w0.png"], {"--pixels-per-mm": 140e3}, ["pixels per m?", "--pixels-per-mm 140"]),
+        (["w0.png"], {"--pixels-per-mm": 0.14}, ["pixels per µm?", "--pixels-per-mm 140"]),
         (["w0.png"], {"--pixels-per-mm": -1}, ["--pixels-per-mm -1.0", "above 0"]),
         (["empty.png"], {}, ["empty.png", "shows no whisker"]),
         (["empty.png", "broken.png"], {}, ["2 pictures", "none can", "empty.png"]),

@@ -13,12 +13,7 @@ from pipeline.session.session_file import read_session, settings_from, write_ses
 from pipeline.tables import centrelines, files
 from pipeline.tables.calibration_columns import RINGDOWN_COLUMNS
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tables.columns import (
-    CONTACT_COLUMNS,
-    FRAME_COLUMNS,
-    VIDEO_COLUMNS,
-    as_table,
-)
+from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, VIDEO_COLUMNS, as_table
 from whiskermodel.modes import modes
 from whiskermodel.ringdown import Estimate
 from whiskermodel.whisker import Whisker
@@ -218,11 +213,7 @@ def test_a_slip_that_cannot_be_fitted_is_left_out_and_makes_the_exit_status_1(tm
             [],
             ["C2", "cone_length_mm, base_radius_um missing", "calibrate geometry"],
         ),
-        (
-            {},
-            ["--frames", "one:C2:55"],
-            ["1 slip, and none", "free for 6 ms only", "12 ms"],
-        ),
+        ({}, ["--frames", "one:C2:55"], ["1 slip, and none", "free for 6 ms only", "12 ms"]),
         ({}, ["--frames", "one:C2:40"], ["1 slip, and none", "frame 40"]),
         ({}, ["--whisker", "D1"], ["--whisker D1: no slip of it"]),
         ({}, ["--follicle", "loose"], ["--follicle loose", "fixed, pinned"]),

@@ -21,12 +21,7 @@ from pipeline.tables.calibration_columns import (
     VIEW_CONTACT_COLUMNS,
     VIEW_FRAME_COLUMNS,
 )
-from pipeline.tables.columns import (
-    CONTACT_COLUMNS,
-    FRAME_COLUMNS,
-    VIDEO_COLUMNS,
-    as_table,
-)
+from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, VIDEO_COLUMNS, as_table
 from pipeline.tables.run_record import STATE_FILE
 from synthetic.staging import Setting
 from synthetic.two_view_session import matched_points, true_rows

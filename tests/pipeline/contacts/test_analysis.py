@@ -25,12 +25,7 @@ from pipeline.contacts.probability import (
     posterior,
 )
 from pipeline.session.parameters import DEFAULTS
-from pipeline.tables.columns import (
-    CONTACT_FLAGS,
-    CORRECTION_COLUMNS,
-    as_table,
-    split_flags,
-)
+from pipeline.tables.columns import CONTACT_FLAGS, CORRECTION_COLUMNS, as_table, split_flags
 from synthetic.presets import make_trial
 
 pytestmark = pytest.mark.slow
@@ -463,9 +458,7 @@ def all_paths_posterior(log_odds, starts, ends):
 def test_posterior_is_the_sum_over_all_paths(log_odds, starts, ends):
     log_odds = np.array(log_odds)
     np.testing.assert_allclose(
-        posterior(log_odds, starts, ends),
-        all_paths_posterior(log_odds, starts, ends),
-        atol=1e-9,
+        posterior(log_odds, starts, ends), all_paths_posterior(log_odds, starts, ends), atol=1e-9
     )
 
 

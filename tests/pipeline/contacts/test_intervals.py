@@ -176,8 +176,7 @@ def test_a_hidden_touch_counts_where_firm_ones_show_the_place(place, number):
 
 
 @pytest.mark.parametrize(
-    ("misfit", "where", "flagged"),
-    [(6.0, 0.6, True), (3.0, 0.6, False), (6.0, 0.4, False)],
+    ("misfit", "where", "flagged"), [(6.0, 0.6, True), (3.0, 0.6, False), (6.0, 0.4, False)]
 )
 def test_a_misfit_under_load_is_flagged(misfit, where, flagged):
     """χ² over that of free frames, 1.5, where the force is `where` of the largest."""

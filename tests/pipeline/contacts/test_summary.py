@@ -5,13 +5,7 @@ import pandas as pd
 import pytest
 from scipy.ndimage import binary_dilation
 
-from pipeline.contacts.summary import (
-    _contact_row,
-    _courses,
-    _largest,
-    _without_wild,
-    without_gaps,
-)
+from pipeline.contacts.summary import _contact_row, _courses, _largest, _without_wild, without_gaps
 from whiskermodel.force_profiles import half_gaussian
 
 FORCE_UN = 0.02  # of a row's forces, whose frames err by half of that

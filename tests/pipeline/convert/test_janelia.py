@@ -136,8 +136,7 @@ def test_lines_that_are_no_numbers_are_left_out(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "traced_again",
-    [lambda s: s._replace(frame=s.frame + 2), lambda s: s._replace(x=s.x + 9)],
+    "traced_again", [lambda s: s._replace(frame=s.frame + 2), lambda s: s._replace(x=s.x + 9)]
 )
 def test_measurements_of_other_lines_are_refused(tmp_path, traced_again):
     segments, table, bar = tracked_lines()

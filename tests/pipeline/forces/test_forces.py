@@ -246,11 +246,7 @@ def test_contacts_are_numbered_per_whisker_in_time():
     both = pd.concat([frames, other], ignore_index=True)
     evidence = pd.concat([evidence, evidence], ignore_index=True)
     intervals = pd.DataFrame(
-        {
-            "whisker": ["D1", "C2", "C2"],
-            "onset_frame": [0, 3, 1],
-            "offset_frame": [2, 4, 2],
-        }
+        {"whisker": ["D1", "C2", "C2"], "onset_frame": [0, 3, 1], "offset_frame": [2, 4, 2]}
     )
     table = contact_table(both, evidence, intervals, RECORDING)
     assert list(zip(table["whisker"], table["contact"], table["onset_frame"], strict=True)) == [

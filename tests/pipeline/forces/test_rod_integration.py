@@ -119,10 +119,7 @@ def test_derivatives_by_parameters_are_as_two_rods_differ(case):
             rod, along, base = differences(p, case, q, sizes[q], finer)
             moved = np.append(rod.shift[q] - along, rod.base[:2, q] - base[:2])
             errors.append((np.abs(moved).max(), abs(rod.base[2, q] - base[2])))
-            limit = (
-                slope_tolerance * np.abs(along).max(),
-                3 * slope_tolerance * abs(base[2]),
-            )
+            limit = (slope_tolerance * np.abs(along).max(), 3 * slope_tolerance * abs(base[2]))
             assert (errors[-1] < np.array(limit) + 1e-9).all()
         rounding = 1e-4 * np.array(limit) + 1e-8
         assert (errors[0] >= SECOND * np.array(errors[1]) - rounding).all()

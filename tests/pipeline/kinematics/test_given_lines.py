@@ -81,10 +81,7 @@ def test_points_that_no_picture_has_are_left_out(place):
     np.testing.assert_array_equal(lines.x_px, whole.x_px)
 
 
-@given(
-    sizes=st.lists(st.integers(0, 5), min_size=1, max_size=8),
-    data=st.data(),
-)
+@given(sizes=st.lists(st.integers(0, 5), min_size=1, max_size=8), data=st.data())
 def test_rows_are_those_asked_for(sizes, data):
     rows = [np.arange(2 * n).reshape(n, 2) + 10 * i for i, n in enumerate(sizes)]
     lines = lines_of_rows(("a",), [(i, 0) for i in range(len(sizes))], rows)

@@ -11,10 +11,7 @@ from pipeline.numerics import polyline
 
 X = np.arange(120.0)
 LINES = given(
-    apart=st.floats(0, 60),
-    turn=st.floats(-3, 3),
-    shift=st.floats(-80, 80),
-    near=st.floats(1, 20),
+    apart=st.floats(0, 60), turn=st.floats(-3, 3), shift=st.floats(-80, 80), near=st.floats(1, 20)
 )
 
 

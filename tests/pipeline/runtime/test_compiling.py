@@ -5,11 +5,7 @@ import time
 import pytest
 from numba import njit
 
-from pipeline.runtime.compiling import (
-    compile_times,
-    compiling_reported,
-    seconds_without_compiling,
-)
+from pipeline.runtime.compiling import compile_times, compiling_reported, seconds_without_compiling
 from pipeline.runtime.progress import COMPILING, Step
 
 

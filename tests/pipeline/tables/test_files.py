@@ -14,12 +14,7 @@ from pipeline.detection.static_scene import PoleTrack
 from pipeline.scene import pole_runs
 from pipeline.tables import centrelines, dictionary, files
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tables.columns import (
-    CONTACT_COLUMNS,
-    CORRECTION_COLUMNS,
-    FRAME_COLUMNS,
-    as_table,
-)
+from pipeline.tables.columns import CONTACT_COLUMNS, CORRECTION_COLUMNS, FRAME_COLUMNS, as_table
 
 CONTACT_NAMES = (
     "video,whisker,contact,onset_frame,offset_frame,onset_s,duration_ms,peak_force_uN,"

@@ -7,13 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.tables.centrelines import Centrelines
-from synthetic.scoring.line_scoring import (
-    Truth,
-    line_figures,
-    project,
-    score_lines,
-    visible_truth,
-)
+from synthetic.scoring.line_scoring import Truth, line_figures, project, score_lines, visible_truth
 
 projection_tolerance = 1e-4  # px, for arcs of 50 px radius and more with nodes 1 px apart
 float32_tolerance = 1e-4  # px, centrelines are float32
