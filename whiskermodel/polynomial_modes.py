@@ -130,9 +130,9 @@ def _from_curvature(breaks, curvature):
     slopes, values, thirds = [], [], []
     for e in range(panels):
         half = (breaks[e + 1] - breaks[e]) / 2
-        slope = half * _integral(curvature[e])
+        slope = half * legendre.legint(curvature[e], lbnd=-1)
         slope[0] += slope_at
-        value = half * _integral(slope)
+        value = half * legendre.legint(slope, lbnd=-1)
         value[0] += value_at
         slope_at, value_at = slope.sum(axis=0), value.sum(axis=0)  # every P_n(1) = 1
         slopes.append(slope)
@@ -140,13 +140,3 @@ def _from_curvature(breaks, curvature):
         thirds.append(legendre.legder(curvature[e]) / half)
     derivatives = (values, slopes, curvature, thirds)
     return PiecewisePolynomials(breaks, tuple(np.stack(list(c)) for c in derivatives))
-
-
-def _integral(coefficients):
-    """Legendre coefficients of the integral from −1; (terms, n) → (terms + 1, n)."""
-    per = coefficients / (2 * np.arange(len(coefficients)) + 1)[:, None]
-    out = np.zeros((len(coefficients) + 1, coefficients.shape[1]))
-    out[1:] += per
-    out[:-2] -= per[1:]
-    out[0] += coefficients[0]
-    return out
