@@ -4,7 +4,7 @@ Solved quasi-statically through the large-angle rod, frame by frame. No vibratio
 is added.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -112,22 +112,12 @@ def solve_motion(hair: Hair, base, pole, side, guess=None):
         end = n if len(lost) == 0 else first + int(lost[0])
         if end == first and slips and slips[-1] == first:
             raise ValueError(f"frame {first}: the whisker has no place on either side of the pole")
-        parts.append(take_frames(solved, slice(0, end - first)))
+        parts.append(solved.take(slice(0, end - first)))
         if end < n:
             slips.append(end)
             side = -side
         first = end
-    return HairMotion(_join(parts), tuple(slips))
-
-
-def take_frames(contact: RodContact, rows) -> RodContact:
-    """Frames `rows` (slice or indices) of a RodContact."""
-    return RodContact(*(getattr(contact, f.name)[rows] for f in fields(RodContact)))
-
-
-def _join(parts):
-    names = [f.name for f in fields(RodContact)]
-    return RodContact(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+    return HairMotion(RodContact.joined(parts), tuple(slips))
 
 
 class Motion:
@@ -176,7 +166,7 @@ class Motion:
     def centrelines(self, hair: int, frames=None):
         """True centrelines [px], follicle → tip, 1 px apart: x, y (frames, points)."""
         if frames is not None:
-            return self._centrelines(hair, take_frames(self.hairs[hair].contact, frames))
+            return self._centrelines(hair, self.hairs[hair].contact.take(frames))
         if hair not in self._lines:
             self._lines[hair] = self._centrelines(hair, self.hairs[hair].contact)
         return self._lines[hair]
@@ -186,7 +176,7 @@ class Motion:
         points = max(round(length * self.scene.camera.pixels_per_m), 1) + 1
         s = np.linspace(0, length, points)
         parts = [
-            contact_shape(self.scene.hairs[hair].whisker, take_frames(contact, rows), s)[:2]
+            contact_shape(self.scene.hairs[hair].whisker, contact.take(rows), s)[:2]
             for rows in _blocks(len(contact))
         ]
         x, y = (np.concatenate(p) for p in zip(*parts, strict=True))
@@ -204,7 +194,7 @@ class Motion:
     def _block(self, hair, block):
         if self._blocks.get(hair, (None,))[0] != block:
             rows = slice(block * _BLOCK, min((block + 1) * _BLOCK, len(self)))
-            part = take_frames(self.hairs[hair].contact, rows)
+            part = self.hairs[hair].contact.take(rows)
             whisker, s = self.scene.hairs[hair].whisker, self._nodes[hair]
             x, y, angle = contact_shape(whisker, part, s)
             curvature = curvature_along(whisker, part, s, (x, y))
@@ -220,7 +210,7 @@ class Motion:
         around = np.clip(np.arange(rows.start - 1, rows.stop + 1), 0, n - 1)
         nodes = self._nodes[hair]
         coarse = np.linspace(0, nodes[-1], _SMEAR_NODES)
-        part = take_frames(self.hairs[hair].contact, around)
+        part = self.hairs[hair].contact.take(around)
         x, y, angle = contact_shape(self.scene.hairs[hair].whisker, part, coarse)
         nx, ny = -np.sin(angle[1:-1]), np.cos(angle[1:-1])
         dx, dy = np.diff(x, axis=0), np.diff(y, axis=0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import cumulative_simpson
 
-from synthetic.motion import Motion, curvature_along, take_frames
+from synthetic.motion import Motion, curvature_along
 from whiskermodel.modes import modes
 from whiskermodel.response import quadrature_about
 from whiskermodel.rod import contact_shape, solve_contact
@@ -76,7 +76,7 @@ class RingingMotion(Motion):
             return x, y
         for each in self.ringings[hair]:
             for frame in range(each.first, each.end):
-                rest = take_frames(contact, slice(frame, frame + 1))
+                rest = contact.take(slice(frame, frame + 1))
                 added = self._added(hair, each, float(frame), s)
                 bent = _bent(self.scene.hairs[hair].whisker, rest, s, added[0])
                 x[frame], y[frame] = self.scene.to_pixels(*bent[:2])
@@ -95,7 +95,7 @@ class RingingMotion(Motion):
         camera, s = self.scene.camera, self._nodes[hair]
         exposure = camera.exposure_s * camera.frames_per_second  # in frames
         at = frame + exposure * ((instant + 0.5) / INSTANTS - 0.5)
-        rest = take_frames(self.hairs[hair].contact, slice(frame, frame + 1))
+        rest = self.hairs[hair].contact.take(slice(frame, frame + 1))
         whisker, half = self.scene.hairs[hair].whisker, 0.5 * exposure / INSTANTS
         before, now, after = (
             _bent(whisker, rest, s, self._added(hair, each, t, s)[0])
@@ -155,7 +155,7 @@ def _ringing(motion, h, slip) -> Ringing:
 
 def _release(hair, contact, slip):
     """When the whisker slips, in frames, and its last equilibrium against the pole."""
-    last = take_frames(contact, slice(slip - 1, slip))
+    last = contact.take(slice(slip - 1, slip))
     held, low, high = last, 0.0, 1.0
     for _ in range(_HALVINGS):
         part = (low + high) / 2

@@ -13,9 +13,7 @@ from scipy.optimize import curve_fit
 
 from pipeline.tables.centrelines import Centrelines, write_centrelines
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, Column, as_table, empty_table
-from pipeline.tables.files import write_csv, write_frames
-from pipeline.tables.whole_files import whole_file
-from synthetic.motion import take_frames
+from pipeline.tables.files import write_csv, write_frames, write_rows
 from synthetic.strips import step_table
 from synthetic.touches import unit_half_gaussian
 from synthetic.vibration import true_moments
@@ -37,18 +35,11 @@ def centreline_table(motion) -> Centrelines:
     """True centrelines, follicle → tip, of all whiskers: rows ordered by frame, then whisker."""
     names, n = motion.scene.names, len(motion)
     lines = [motion.centrelines(h) for h in range(len(names))]
-    points = [x.shape[1] for x, _ in lines]
-    lengths = np.tile(points, n)
-    return Centrelines(
-        names=names,
-        frame=np.repeat(np.arange(n, dtype=np.int32), len(names)),
-        whisker=np.tile(np.arange(len(names), dtype=np.int32), n),
-        offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
-        x_px=np.concatenate([x for x, _ in lines], axis=1).ravel().astype(np.float32),
-        y_px=np.concatenate([y for _, y in lines], axis=1).ravel().astype(np.float32),
-        se_px=np.zeros(n * sum(points), np.float32),
-        confidence=np.ones(n * len(names), np.float32),
-    )
+    x, y = (np.concatenate(parts, axis=1).ravel() for parts in zip(*lines, strict=True))
+    frame, whisker = np.divmod(np.arange(n * len(names)), len(names))
+    lengths = np.tile([x.shape[1] for x, _ in lines], n)
+    exact = np.zeros(len(x), np.float32)
+    return Centrelines.of_points(names, frame, whisker, lengths, (x, y), se_px=exact)
 
 
 def frame_table(motion, arc_length: float = 5.5e-3) -> pd.DataFrame:
@@ -142,7 +133,7 @@ def contact_table(motion, video: str) -> pd.DataFrame:
 
 
 def _contact_row(motion, h, response, video, number, onset, offset):
-    contact = take_frames(motion.hairs[h].contact, slice(onset, offset))
+    contact = motion.hairs[h].contact.take(slice(onset, offset))
     rate = motion.scene.camera.frames_per_second
     force = contact.contact_force
     peak = int(np.argmax(force))
@@ -257,6 +248,5 @@ def write_truth(folder, motion, renderer, video: str, arc_length: float = 5.5e-3
     write_centrelines(folder / "centrelines.parquet", lines)
     write_frames(folder / "frames.parquet", frame_table(motion, arc_length))
     visibility = visibility_table(motion, renderer, lines)
-    with whole_file(folder / "visibility.parquet") as temporary:
-        visibility.astype({"frame": np.int32}).to_parquet(temporary, index=False)
+    write_rows(folder / "visibility.parquet", visibility, VISIBILITY_COLUMNS)
     write_csv(folder / "contacts.csv", contact_table(motion, video), CONTACT_COLUMNS)

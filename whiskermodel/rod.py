@@ -75,6 +75,16 @@ class RodContact:
     def __len__(self):
         return len(self.state)
 
+    def take(self, frames) -> "RodContact":
+        """The same of some `frames`: a slice, or their numbers."""
+        return RodContact(*(getattr(self, field.name)[frames] for field in fields(self)))
+
+    @staticmethod
+    def joined(parts) -> "RodContact":
+        """Several, one behind the other."""
+        names = [field.name for field in fields(RodContact)]
+        return RodContact(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+
 
 def free_shape(whisker, base_x, base_y, base_angle, arc_length, intrinsic_curvature=(0.0,)):
     """Shape of the untouched whisker.
@@ -157,8 +167,7 @@ def solve_contact(
         batch = tuple(a[rows] for a in inputs)
         solved = solve_batch(whisker, batch, curvature[rows], *(g[rows] for g in start))
         parts.append(_assemble(whisker, batch, curvature[rows], *solved))
-    names = [f.name for f in fields(RodContact)]
-    return RodContact(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+    return RodContact.joined(parts)
 
 
 def contact_shape(whisker: Whisker, contact: RodContact, arc_length):

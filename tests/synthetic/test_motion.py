@@ -11,7 +11,6 @@ from synthetic.motion import (
     side_of_pole,
     solve_motion,
     still_pole,
-    take_frames,
     whisking,
 )
 from synthetic.scene import Hair, Pole, Scene
@@ -95,7 +94,7 @@ def test_load_bends_away_from_the_pole(touching):
 
 
 def test_curvature_is_the_derivative_of_the_angle(touching):
-    contact = take_frames(touching[2].hairs[0].contact, slice(30, 100, 8))
+    contact = touching[2].hairs[0].contact.take(slice(30, 100, 8))
     s = np.linspace(1e-3, 6e-3, 501)
     _, _, angle = contact_shape(HAIR.whisker, contact, s)
     numerical = np.gradient(angle, s, axis=1)[:, 5:-5]
