@@ -32,7 +32,7 @@ ROW_ODDS = 0.7  # log odds from which on lines are a row of whiskers
 # begin far inside, and the log odds of a clear row: of lines on people, birds and trees up to 6.9,
 # of a mouse's and a rat's whiskers whose faces were cut away 8.3 to 19
 DEEP, DEEP_ODDS = 0.125, 8.0
-FEW = 2  # lines are no row: each is judged by itself; nor do so few frames show what moves
+FEW_FRAMES = 2  # do not show what moves
 
 
 def whisker_like(templates, n_frames: int, shape, given: bool = False, unseen_face: float = 0.0):
@@ -50,8 +50,8 @@ def whisker_like(templates, n_frames: int, shape, given: bool = False, unseen_fa
     """
     row = [template.samples for template in templates]
     moves = [_moves(lines) and (given or _turns(lines)) for lines in row]
-    few = min(n_frames, len(row)) <= FEW
-    least = DEEP_ODDS if unseen_face > DEEP else -np.inf if few else ROW_ODDS
+    no_row = len(row) == 1 or n_frames <= FEW_FRAMES  # then each is judged by itself
+    least = DEEP_ODDS if unseen_face > DEEP else -np.inf if no_row else ROW_ODDS
     may_be = given or (_tapers(row, shape) and _log_odds(row, sum(moves)) > least)
     likely = [
         may_be and _may_be_whisker(lines, each, n_frames, shape)
@@ -135,7 +135,7 @@ def _moves(lines) -> bool:
 
 def _turns(lines) -> bool:
     """Whether their ends move more than their bases; those of a dragged tail do not."""
-    return _usual_way(lines, 0) < _usual_way(lines, -1)
+    return len(lines) > FEW_FRAMES and _usual_way(lines, 0) < _usual_way(lines, -1)
 
 
 def _usual_way(lines, point) -> float:

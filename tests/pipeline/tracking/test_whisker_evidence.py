@@ -96,6 +96,25 @@ def row_of(swing, near, far):
     )
 
 
+@pytest.mark.parametrize(("far", "kept"), [((0.2, 0.2), 2), ((0.7, 1.2), 0)])
+def test_two_still_lines_are_whiskers_only_if_both_taper_well(far, kept):
+    """Streaks of fur and a car's edges taper by chance, one better than the other."""
+    lines = [
+        np.roll(frames_of(0.0, 1.5, each), down, axis=1)
+        for each, down in zip(far, (-50, 50), strict=True)
+    ]
+    found, refused = told_apart(np.minimum(*lines))
+    assert (len(found), len(refused)) == (kept, 2 - kept)
+
+
+@pytest.mark.parametrize(("frames", "kept"), [(2, 0), (8, 1)])
+def test_a_line_in_two_frames_may_be_another_one_each_time(frames, kept):
+    seen = frames_of(0.0, 0.0, 0.0)
+    seen[:frames] = frames_of(0.1, 1.5, 0.2)[: 3 * frames : 3]
+    found, refused = told_apart(seen)
+    assert (len(found), len(refused)) == (kept, 1 - kept)
+
+
 def test_a_row_of_whiskers_is_kept_where_the_animal_rests():
     kept, refused = told_apart(row_of(0.0, 1.5, 0.2))
     assert len(kept) == 4
