@@ -202,7 +202,7 @@ def figures(
 def _say_damaged(damaged) -> bool:
     """Name the videos whose results cannot be read; whether there are any."""
     for video, fault in damaged.items():
-        say(f"left out: {video}: {fault}; mend that, or run the video again")
+        say(f"left out: {video}: {fault}")
     return bool(damaged)
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.errors import InputError, in_words, need_content
+from pipeline.errors import InputError, in_words, need_content, with_advice
 from pipeline.session.results_folders import need_results
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
@@ -48,7 +48,7 @@ def _fault(folder) -> str:
         files.check_parquet(folder / "frames.parquet", FRAME_COLUMNS)
         files.check_parquet(folder / "centrelines.parquet", CENTRELINE_COLUMNS)
     except (OSError, ValueError) as error:
-        return in_words(error)
+        return with_advice(error) if isinstance(error, OSError) else in_words(error)
     return ""
 
 
