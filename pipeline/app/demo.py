@@ -52,7 +52,7 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
     (Path(folder) / TRUTH).mkdir(exist_ok=True)  # if this is killed, the same command goes on
     if preset in TWO_VIEWS:
         say("rendering two views …")
-        paths = render_two_views(folder, preset, seed, trials or 2)
+        paths = render_two_views(folder, preset, seed, trials or 2, frames)
         say(f"videos, settings, points and truth tables: {Path(folder).resolve()}")
         return paths
     trials = trials or PRESETS[preset].trials

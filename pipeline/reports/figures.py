@@ -1,7 +1,5 @@
 """The paper's Fig. 3 a–f from a results folder, with the numbers behind it as CSV."""
 
-import csv
-import io
 import warnings
 from pathlib import Path
 
@@ -10,7 +8,7 @@ from pipeline.reports.fig3_tables import chosen, panel_tables, typical_contact
 from pipeline.reports.plots import NO_DATE, SVG_IDS
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
 from pipeline.tables import whole_files
-from pipeline.tables.files import csv_text
+from pipeline.tables.files import write_csv
 from pipeline.tables.own_files import write_new
 
 
@@ -50,22 +48,12 @@ def _write_all(folder, content):
     written = []
     for letter, table in content.panels.items():
         written.append(folder / f"fig3{letter}.csv")
-        _write(written[-1], table)
+        write_csv(written[-1], table)
     written += _save(fig3_panels.draw(content), folder, "fig3", ("png", "svg"))
     for letter in content.panels:
         written += _save(fig3_panels.draw_one(content, letter), folder, f"fig3{letter}", ("svg",))
-    _write(folder / "fig3.csv", content.numbers)
+    write_csv(folder / "fig3.csv", content.numbers)
     return [*written, folder / "fig3.csv"]
-
-
-def _write(path, table):
-    """Write a CSV as other tables are; pandas' own writer takes three times as long."""
-    columns = [csv_text(values) for _, values in table.items()]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(table.columns)
-    writer.writerows(zip(*columns, strict=True))
-    whole_files.write_text(path, text.getvalue())
 
 
 def _save(figure, folder, name, kinds) -> list[Path]:

@@ -13,6 +13,7 @@ from pipeline.tables.columns import FRAME_COLUMNS, Column, as_table, units_of
 from pipeline.tables.own_files import replace_own
 from pipeline.tables.whole_files import whole_file
 
+DIGITS, MICROSECONDS = "{:.6g}", "{:.6f}"  # of the numbers in a CSV, and of times [s]
 ROWS_PER_GROUP = 8192
 SHOWN = 40  # characters of a wrong value
 SEPARATORS = {";": "semicolons", "\t": "tabs"}  # of spreadsheets, in place of commas
@@ -23,26 +24,27 @@ PARQUET, TAIL_BYTES = b"PAR1", 8  # how such a file begins; what follows on its 
 # --- CSV ---------------------------------------------------------------------------------
 
 
-def _digits(column: Column) -> str:
-    """Number format of a float column: microseconds for times, six digits for the rest."""
-    return "{:.6f}" if column.unit == "s" else "{:.6g}"
-
-
-def csv_text(values: pd.Series, digits="{:.6g}"):
+def csv_text(values: pd.Series, digits=DIGITS):
     """Values of one column as text for a CSV: true/false, numbers of some digits, "" for none."""
     if values.dtype.kind == "b":
         return values.map({True: "true", False: "false"})
     if values.dtype.kind == "f":
         return ["" if np.isnan(v) else digits.format(v) for v in values]
-    return values
+    return values.fillna("")
 
 
-def write_csv(path, table: pd.DataFrame, columns) -> None:
-    """Write `table` with exactly the declared `columns`: true/false, nothing for missing."""
-    table = as_table(table, columns)
-    text = {c.name: csv_text(table[c.name], _digits(c)) for c in columns}
-    with whole_file(path) as temporary:
-        pd.DataFrame(text).to_csv(temporary, index=False, lineterminator="\n")
+def write_csv(path, table: pd.DataFrame, columns=()) -> None:
+    """Write `table` with exactly the declared `columns`: true/false, nothing for missing.
+
+    Without `columns` it is written as it is. pandas' own writer takes three times as long.
+    """
+    times = {column.name: MICROSECONDS for column in columns if column.unit == "s"}
+    table = as_table(table, columns) if columns else table
+    text = {name: csv_text(values, times.get(name, DIGITS)) for name, values in table.items()}
+    with whole_file(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(text)
+        writer.writerows(zip(*text.values(), strict=True))
 
 
 def replace_csv(path, table: pd.DataFrame, columns) -> list[str]:

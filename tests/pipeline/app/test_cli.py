@@ -541,6 +541,18 @@ def test_synth_and_demo_leave_the_folders_of_a_person_alone(preset, tmp_path, ca
     assert settings.read_text() == "a person's"
 
 
+def test_synth_renders_two_views_of_as_many_frames_as_are_wanted(tmp_path, monkeypatch):
+    import synthetic.two_view_session
+
+    made = []
+    monkeypatch.setattr(
+        synthetic.two_view_session, "render_two_views", lambda *options: made.append(options)
+    )
+    arguments = ["--preset", "mirror", "--frames", 70, "--trials", 3, "--seed", 5]
+    assert exit_code("synth", tmp_path / "videos", *arguments) == 0
+    assert made == [(tmp_path / "videos", "mirror", 5, 3, 70)]
+
+
 def test_synth_mixes_no_presets_in_a_folder(tmp_path, capsys):
     made = tmp_path / "truth" / "row_000" / "scene.json"
     made.parent.mkdir(parents=True)
