@@ -147,9 +147,12 @@ def _find(paths, out, program):
 
 
 def _check_names(names, settings):
-    """InputError where a session.toml has tables of whiskers, but none of a name that is given."""
+    """InputError where a name is given twice, or a session.toml has other whiskers only."""
     from pipeline.errors import InputError
 
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"--names: {name} is there twice; give each whisker its own name")
     for each in settings:
         known = [whisker.name for whisker in each.whisker]
         unknown = [name for name in names if known and name not in known]

@@ -79,13 +79,13 @@ def say_problems(summary, say, debug=False):
 
 def _results(summary):
     """How many videos were processed, where the results lie, and what to do next."""
-    from pipeline.contacts.corrections import decided_by_hand
+    from pipeline.contacts.corrections import decisions_in_words
     from pipeline.tables.result_exchange import overlays_in
 
     out = summary.out
     yield summary.line()
-    if decided := decided_by_hand(out):
-        yield f"decided by hand, and kept by every run: {decided}"
+    if decided := decisions_in_words(out):
+        yield f"corrections, kept by every run: {decided}"
     for name, path in (("report", "report.html"), ("contacts", "contacts.csv")):
         if (out / path).is_file():
             yield f"{name}: {(out / path).resolve()}"

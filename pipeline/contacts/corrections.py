@@ -160,14 +160,14 @@ def applicable(corrections: pd.DataFrame, whiskers, n_frames: int) -> pd.DataFra
     return table_of(rows)
 
 
-def decided_by_hand(results) -> str:
-    """How many contacts people have decided on, as "2 contacts in mouse1"; "" where none."""
+def decisions_in_words(results) -> str:
+    """How many decisions there are, as "2 decisions in mouse1"; "" where none."""
     videos = []
     with contextlib.suppress(OSError, ValueError):  # nobody has, or it is another's file
         videos = list(read_csv(Path(results) / DECISIONS_FILE, DECISION_COLUMNS)["video"])
     names = set(videos)
     where = videos[0] if len(names) == 1 else f"{len(names)} videos"
-    return f"{counted(len(videos), 'contact')} in {where}" if videos else ""
+    return f"{counted(len(videos), 'decision')} in {where}" if videos else ""
 
 
 def left_out(corrections: pd.DataFrame, whiskers, n_frames: int):

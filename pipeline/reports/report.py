@@ -9,7 +9,7 @@ from urllib.parse import quote
 import numpy as np
 import pandas as pd
 
-from pipeline.contacts.corrections import decided_by_hand
+from pipeline.contacts.corrections import decisions_in_words
 from pipeline.reports import plots
 from pipeline.reports.error_budget import session_budget
 from pipeline.reports.examples import Effort, choose_examples, choose_flagged
@@ -127,7 +127,7 @@ def _head(results, record, videos, contacts) -> dict:
         "folder": str(results.resolve()),
         "tables": [name for name in TABLES if (results / name).is_file()],
         "tiles": list(_tiles(videos, contacts, record)),
-        "by_hand": decided_by_hand(results),
+        "decisions": decisions_in_words(results),
         **_doubts(videos),
     }
 

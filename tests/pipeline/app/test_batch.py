@@ -404,7 +404,7 @@ def test_corrections_that_do_not_fit_the_video_are_said_and_kept(folder, calls, 
     text = CORRECTIONS + "B1,contact,3,4,3,4,\nB1,free,5,6,5,6,\nC2,contact,7,99,7,99,\n"
     (out / "a" / "corrections.csv").write_text(text)
     summary = batch.run([folder], out, overwrite=True)
-    assert "decided by hand, and kept by every run: 4 contacts in a" in terminal._results(summary)
+    assert "corrections, kept by every run: 4 decisions in a" in terminal._results(summary)
     message = files.read_csv(out / "videos.csv", VIDEO_COLUMNS)["message"][0]
     assert "2 of 'B1', which is not a whisker of this video (C2)" in message
     assert "1 reach beyond the video's end (it has 10 frames)" in message

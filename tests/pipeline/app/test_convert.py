@@ -139,6 +139,13 @@ def test_a_file_in_place_of_the_folder_is_refused_before_any_work(tmp_path, caps
     assert expected in capsys.readouterr().err
 
 
+def test_one_name_for_two_whiskers_is_unusable(session, tmp_path, capsys):
+    (session / "trial.whiskers").write_bytes(b"")
+    out = tmp_path / "out"
+    assert run("import", "janelia", session, "--out", out, "--names", "C2, C2") == 2
+    assert "--names: C2 is there twice; give each" in capsys.readouterr().err
+
+
 def test_names_that_no_whisker_of_the_session_has_are_unusable(session, tmp_path, capsys):
     (session / "trial.whiskers").write_bytes(b"")
     out = tmp_path / "out"

@@ -5,7 +5,7 @@ from results_folder import contact, make_results
 
 from pipeline.contacts.corrections import (
     Verdict,
-    decided_by_hand,
+    decisions_in_words,
     read_corrections,
     table_of,
     write_corrections,
@@ -95,13 +95,13 @@ def test_a_session_reads_corrections_once_and_does_without_broken_ones(folder, m
 
 
 def test_decisions_are_counted_where_they_are_listed(folder):
-    assert decided_by_hand(folder) == ""
+    assert decisions_in_words(folder) == ""
     decisions(folder, "one", "two")
-    assert decided_by_hand(folder) == "3 contacts in one"
+    assert decisions_in_words(folder) == "3 decisions in one"
     decisions(folder, "one", "three")
-    assert decided_by_hand(folder) == "4 contacts in 2 videos"
+    assert decisions_in_words(folder) == "4 decisions in 2 videos"
     (folder / "decisions.csv").write_text("my notes")
-    assert decided_by_hand(folder) == ""
+    assert decisions_in_words(folder) == ""
 
 
 def test_names_are_words_in_a_cell():

@@ -102,12 +102,12 @@ def test_the_main_doubts_come_first(tmp_path):
     assert "2 more\nvideos have messages" in head
 
 
-def test_what_is_decided_by_hand_is_said(tmp_path, page):
+def test_decisions_are_counted_at_the_head(tmp_path, page):
     results = make_results(tmp_path / "r")
     row = {"video": "one", "whisker": "C2", "decision": "no contact"}
     decided = as_table(pd.DataFrame([row]), DECISION_COLUMNS)
     files.write_csv(results / "decisions.csv", decided, DECISION_COLUMNS)
-    said = "Decided by hand: 1 contact in one"
+    said = "Corrections: 1 decision in one"
     assert said in page_of(results)
     assert said not in page
 
