@@ -153,8 +153,9 @@ CONTACT_FLAGS = {
     "large_deflection": "the force is tilted by more than 34° against the follicle's normal",
     "contact_near_curvature_window": "less than 1 mm beyond curvature_at_mm, so little bent there",
     "bends_unlike_rod": "bends as no rod of its dimensions: these are wrong, or the whisker is",
-    "base_contradicted": "bends as if the hidden length were far wrong (contradicted_mm): correct "
-    "it or the dimensions, unless the whisker is out of the picture's plane",
+    "base_contradicted": "bends as if the hidden length were wrong by more than contradicted_mm "
+    "(docs/parameters.md): correct it or the dimensions, unless the whisker is out of the "
+    "picture's plane",
     "gaps_in_trace": "not traced in some of its frames",
     "faint_force": "the force is no larger than its error; the distance shows the contact",
     "doubtful": "the probability of contact is below 0.99 in all frames",
@@ -229,7 +230,7 @@ EVIDENCE_COLUMNS = (
     number("axial_se_N", "N", "standard error of the axial force"),
     number("lateral_se_N", "N", "standard error of the lateral force"),
     number("point_force_N", "N", "force if the pole were touched, by the curvature"),
-    number("origin_per_tip", "ratio", "change of origin_m per change of the tip's place"),
+    number("origin_per_tip", "", "change of origin_m per change of the tip's place"),
     number("bending_origin_m", "m", "origin_m as estimated from the bending alone"),
     number("bending_origin_se_m", "m", "its standard error"),
     number("point_origin_force_se_N", "N", "part of point_force_se_N, by origin_se_m"),
