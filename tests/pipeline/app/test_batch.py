@@ -62,6 +62,12 @@ def folder(tmp_path):
 
 
 @pytest.fixture
+def out(tmp_path):
+    """A results folder, not there yet."""
+    return tmp_path / "results"
+
+
+@pytest.fixture
 def calls(monkeypatch):
     """Replace `analyse` by something quick; the list of its calls' file names."""
     calls = []
@@ -123,9 +129,8 @@ def statuses(out):
 # --- log and pictures ------------------------------------------------------------------------
 
 
-def test_the_log_says_what_happened(folder, calls, tmp_path):
+def test_the_log_says_what_happened(folder, calls, out):
     (folder / "c.avi").write_bytes(b"fault")
-    out = tmp_path / "results"
     batch.run([folder], out)
     said = [line.split("  ", 1)[1] for line in (out / "run.log").read_text().splitlines()]
     assert said[0].startswith("whiskerforce")
@@ -211,8 +216,7 @@ def test_values_that_are_still_a_guess_are_said(folder, calls, tmp_path):
 # --- results ---------------------------------------------------------------------------------
 
 
-def test_results_folder_is_as_promised(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_results_folder_is_as_promised(folder, calls, out):
     summary = batch.run([folder], out)
     assert statuses(out) == {"a": "done", "b": "done"}
     assert (out / "videos.csv").read_text().split("\n")[0] == (
@@ -245,8 +249,7 @@ def test_an_empty_results_folder_among_the_videos_is_no_input(folder, calls, tmp
 
 
 @pytest.mark.parametrize("name", ["contacts.csv", "videos.csv"])
-def test_a_table_that_a_person_has_changed_is_kept_and_said(folder, calls, tmp_path, name):
-    out = tmp_path / "results"
+def test_a_table_that_a_person_has_changed_is_kept_and_said(folder, calls, out, name):
     batch.run([folder], out)
     table = out / name
     written, edited = table.read_text("utf-8"), table.read_text("utf-8") + "my notes\n"
@@ -259,8 +262,7 @@ def test_a_table_that_a_person_has_changed_is_kept_and_said(folder, calls, tmp_p
 
 
 @pytest.mark.parametrize("name", ["contacts.csv", "session.toml", "frames.parquet"])
-def test_a_videos_table_that_a_person_has_changed_is_kept_and_said(folder, calls, tmp_path, name):
-    out = tmp_path / "results"
+def test_a_videos_table_that_a_person_has_changed_is_kept_and_said(folder, calls, out, name):
     batch.run([folder], out)
     path = out / "a" / name
     written = path.read_bytes()
@@ -294,16 +296,13 @@ def test_a_report_that_a_person_has_changed_is_kept_and_said(folder, calls, tmp_
     assert not batch.run([folder], out, overwrite=True).problems
 
 
-def test_an_overlay_that_a_person_has_changed_is_kept_and_said(
-    folder, calls, tmp_path, monkeypatch
-):
+def test_an_overlay_that_a_person_has_changed_is_kept_and_said(folder, calls, out, monkeypatch):
     import pipeline.reports.overlay
 
     def write_overlay(path, folder, settings, progress):
         return own_files.replace_own(folder / "overlay.png", lambda new: new.write_text("drawn"))
 
     monkeypatch.setattr(pipeline.reports.overlay, "write_overlay", write_overlay)
-    out = tmp_path / "results"
     batch.run([folder], out, overlay=True)
     drawn = out / "a" / "overlay.png"
     drawn.write_text("a person's arrows")
@@ -341,9 +340,8 @@ def test_of_results_copied_without_hidden_files_only_edited_tables_are_kept(
 
 @pytest.mark.parametrize("when", ["before", "while"])
 def test_an_edited_table_that_is_kept_as_a_killed_run_is_completed_is_said(
-    folder, calls, tmp_path, monkeypatch, when
+    folder, calls, out, monkeypatch, when
 ):
-    out = tmp_path / "results"
     batch.run([folder], out)
     table = out / "a" / "contacts.csv"
     table.write_text(table.read_text("utf-8") + "my notes\n", "utf-8")
@@ -359,8 +357,7 @@ def test_an_edited_table_that_is_kept_as_a_killed_run_is_completed_is_said(
     assert f"kept as {table}.old" in said[0]
 
 
-def test_a_row_that_is_deleted_by_hand_is_said_to_be_missing(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_a_row_that_is_deleted_by_hand_is_said_to_be_missing(folder, calls, out):
     batch.run([folder], out)
     table = out / "a" / "contacts.csv"
     table.write_text(table.read_text("utf-8").splitlines()[0] + "\n", "utf-8")
@@ -370,12 +367,11 @@ def test_a_row_that_is_deleted_by_hand_is_said_to_be_missing(folder, calls, tmp_
         assert contact_videos(out) == ["b"]
 
 
-def test_failures_do_not_stop_the_others(folder, calls, tmp_path):
+def test_failures_do_not_stop_the_others(folder, calls, out):
     (folder / "a.avi").write_bytes(b"bad")
     (folder / "c.avi").write_bytes(b"fault")
     (folder / "d.avi").write_bytes(b"odd")
     (folder / "empty").mkdir()
-    out = tmp_path / "results"
     summary = batch.run([folder], out)
     assert statuses(out) == {
         "a": "failed", "b": "done", "c": "failed", "d": "warning", "empty": "failed",
@@ -398,8 +394,7 @@ def test_paths_in_the_tables_are_whole_also_of_what_fails(folder, calls, tmp_pat
     assert not summary.problems
 
 
-def test_corrections_that_do_not_fit_the_video_are_said_and_kept(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_corrections_that_do_not_fit_the_video_are_said_and_kept(folder, calls, out):
     batch.run([folder], out)
     text = CORRECTIONS + "B1,contact,3,4,3,4,\nB1,free,5,6,5,6,\nC2,contact,7,99,7,99,\n"
     (out / "a" / "corrections.csv").write_text(text)
@@ -411,25 +406,23 @@ def test_corrections_that_do_not_fit_the_video_are_said_and_kept(folder, calls, 
     assert (out / "a" / "corrections.csv").read_text() == text
 
 
-def test_links_that_lead_back_pipes_and_names_like_formulas(folder, calls, tmp_path):
+def test_links_that_lead_back_pipes_and_names_like_formulas(folder, calls, tmp_path, out):
     for name in ("one", "two"):
         (folder / name).symlink_to(folder, target_is_directory=True)
     (folder / "=1+1.avi").write_bytes(b"formula")
     os.mkfifo(folder / "pipe.tif")
     os.mkfifo(folder / "pipe.avi")
-    out = tmp_path / "results"
     batch.run([folder], out)
     assert statuses(out) == {"_=1+1": "done", "a": "done", "b": "done"}
     (failed,) = batch.run([folder / "pipe.avi"], tmp_path / "other").of("failed")
     assert "is a pipe or a device" in failed.message
 
 
-def test_an_image_that_claims_a_huge_size_costs_its_folder_only(folder, calls, tmp_path):
+def test_an_image_that_claims_a_huge_size_costs_its_folder_only(folder, calls, out):
     (folder / "trial").mkdir()
     chunk = b"IHDR" + struct.pack(">IIBBBBB", 100_000, 100_000, 8, 0, 0, 0, 0)
     head = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk
     (folder / "trial" / "f1.png").write_bytes(head + struct.pack(">I", zlib.crc32(chunk)))
-    out = tmp_path / "results"
     (failed,) = batch.run([folder], out).of("failed")
     assert statuses(out) == {"a": "done", "b": "done", "trial": "failed"}
     assert "100000×100000 px: expected at most 34 megapixels" in failed.message
@@ -444,8 +437,7 @@ def test_too_little_memory_is_no_fault_of_the_program(folder, calls, tmp_path, w
     assert "fault of the program" not in failed.message
 
 
-def test_broken_corrections_of_a_finished_video_are_said(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_broken_corrections_of_a_finished_video_are_said(folder, calls, out):
     batch.run([folder], out)
     (out / "a" / "corrections.csv").write_text(CORRECTIONS.replace("free", "freed"))
     (failed,) = batch.run([folder], out).of("failed")
@@ -454,8 +446,7 @@ def test_broken_corrections_of_a_finished_video_are_said(folder, calls, tmp_path
     assert contact_videos(out) == ["a", "b"]
 
 
-def test_what_a_killed_run_left_is_used_or_removed(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_what_a_killed_run_left_is_used_or_removed(folder, calls, out):
     (out / "a").mkdir(parents=True)
     (out / ".whiskerforce-x1.part.csv").touch()
     (out / "figures").mkdir()
@@ -475,8 +466,7 @@ def test_figures_are_not_waited_for_after_an_interruption(folder, calls, tmp_pat
     assert drawn == [tmp_path / "results"]
 
 
-def test_a_broken_corrections_file_fails_its_video_only(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_a_broken_corrections_file_fails_its_video_only(folder, calls, out):
     batch.run([folder], out)
     text = "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
     (out / "a" / "corrections.csv").write_text(text + "C2,free,4,x,4,9,\n")
@@ -488,8 +478,7 @@ def test_a_broken_corrections_file_fails_its_video_only(folder, calls, tmp_path)
     assert (out / "a" / "corrections.csv").exists()
 
 
-def test_a_video_that_fails_now_keeps_its_results_of_before(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_a_video_that_fails_now_keeps_its_results_of_before(folder, calls, out):
     batch.run([folder], out)
     before = contents(out / "a")
     (folder / "a.avi").write_bytes(b"bad")
@@ -504,8 +493,7 @@ def test_a_video_that_fails_now_keeps_its_results_of_before(folder, calls, tmp_p
         assert contact_videos(out) == ["a", "b"]
 
 
-def test_a_failed_video_keeps_apart_its_results_of_other_settings(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_a_failed_video_keeps_apart_its_results_of_other_settings(folder, calls, out):
     batch.run([folder], out)
     change_settings(folder)
     text = "whisker,verdict,onset_frame,offset_frame,covers_from,covers_to,saved_at\n"
@@ -529,8 +517,7 @@ def test_an_analysis_that_breaks_off_leaves_no_file(folder, calls, tmp_path, mon
 # --- resumption ------------------------------------------------------------------------------
 
 
-def test_finished_videos_are_skipped(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_finished_videos_are_skipped(folder, calls, out):
     batch.run([folder], out)
     before = (out / "a" / "contacts.csv").stat().st_mtime_ns
     summary = batch.run([folder], out)
@@ -575,8 +562,7 @@ def test_a_video_that_changes_while_it_is_read_is_said_and_processed_again(
     assert calls[2:] == ["a.avi"]
 
 
-def test_a_video_that_is_removed_after_it_was_read_keeps_its_results(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_a_video_that_is_removed_after_it_was_read_keeps_its_results(folder, calls, out):
     summary = batch.run([folder], out, source=meanwhile(lambda path: path.unlink()))
     assert statuses(out) == {"a": "warning", "b": "warning"}
     assert all(each.frames for each in summary.outcomes)
@@ -615,8 +601,7 @@ def test_same_size_and_date_but_other_content_is_a_change(folder, calls, tmp_pat
     assert calls[2:] == ["a.avi"]
 
 
-def test_changed_settings_version_or_overwrite_process_again(folder, calls, tmp_path, monkeypatch):
-    out = tmp_path / "results"
+def test_changed_settings_version_or_overwrite_process_again(folder, calls, out, monkeypatch):
     batch.run([folder], out)
     text = (folder / "session.toml").read_text()
     (folder / "session.toml").write_text("# a comment changes nothing\n" + text)
@@ -633,8 +618,7 @@ def test_changed_settings_version_or_overwrite_process_again(folder, calls, tmp_
     assert len(calls) == 8
 
 
-def test_missing_or_unfinished_results_are_made_again(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_missing_or_unfinished_results_are_made_again(folder, calls, out):
     batch.run([folder], out)
     (out / "a" / "frames.parquet").unlink()
     begun = {"path": str(folder / "b.avi"), "status": "begun"}
@@ -644,8 +628,7 @@ def test_missing_or_unfinished_results_are_made_again(folder, calls, tmp_path):
     assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b"]
 
 
-def test_failed_videos_are_tried_again_and_those_gone_forgotten(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_failed_videos_are_tried_again_and_those_gone_forgotten(folder, calls, out):
     (folder / "a.avi").write_bytes(b"bad")
     batch.run([folder], out)
     batch.run([folder], out)
@@ -693,8 +676,7 @@ def test_figures_and_report_are_made_anew_only_where_tables_have_changed(
     assert drawn_by_a_run()
 
 
-def test_a_moved_or_renamed_video_keeps_its_results(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_a_moved_or_renamed_video_keeps_its_results(folder, calls, tmp_path, out):
     batch.run([folder], out)
     correct(out / "a")
     (folder / "a.avi").rename(folder / "better_name.avi")
@@ -708,8 +690,7 @@ def test_a_moved_or_renamed_video_keeps_its_results(folder, calls, tmp_path):
     assert len(calls) == 2
 
 
-def test_videos_that_change_names_take_their_results_with_them(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_videos_that_change_names_take_their_results_with_them(folder, calls, out):
     batch.run([folder], out)
     correct(out / "a")
     for old, new in [("a", "c"), ("b", "a"), ("c", "b")]:
@@ -723,8 +704,7 @@ def test_videos_that_change_names_take_their_results_with_them(folder, calls, tm
     assert len(calls) == 2
 
 
-def test_a_new_video_gets_no_corrections_of_the_one_that_had_its_name(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_a_new_video_gets_no_corrections_of_the_one_that_had_its_name(folder, calls, out):
     batch.run([folder], out)
     correct(out / "a")
     (folder / "a.avi").rename(folder / "old.avi")
@@ -738,10 +718,7 @@ def test_a_new_video_gets_no_corrections_of_the_one_that_had_its_name(folder, ca
         assert statuses(out) == {"a": "done", "a_2": "done", "b": "done"}
 
 
-def test_a_path_in_other_capitals_is_the_same_video_where_the_disk_says_so(
-    folder, calls, tmp_path
-):
-    out = tmp_path / "results"
+def test_a_path_in_other_capitals_is_the_same_video_where_the_disk_says_so(folder, calls, out):
     batch.run([folder / "a.avi"], out)
     correct(out / "a")
     os.link(folder / "a.avi", folder / "A.avi")  # as on a disk that takes both for one
@@ -781,8 +758,7 @@ def test_where_a_record_is_lost_no_other_video_gets_the_corrections(folder, call
     assert statuses(out) == {"a": "done", "a_2": "done", "b": "done"}
 
 
-def test_corrections_of_a_video_whose_content_has_changed_are_said(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_corrections_of_a_video_whose_content_has_changed_are_said(folder, calls, out):
     batch.run([folder], out)
     correct(out / "a")
     before = (folder / "a.avi").read_bytes()
@@ -810,8 +786,7 @@ def name_whiskers(folder, *names):
     )
 
 
-def test_corrections_made_before_whiskers_changed_their_names_are_said(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_corrections_made_before_whiskers_changed_their_names_are_said(folder, calls, out):
     name_whiskers(folder, "C1", "C2")
     batch.run([folder], out)
     correct(out / "a")
@@ -831,8 +806,7 @@ def test_corrections_made_before_whiskers_changed_their_names_are_said(folder, c
     assert statuses(out) == {"a": "done", "b": "done"}
 
 
-def test_corrections_made_since_the_video_changed_are_of_the_new_one(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_corrections_made_since_the_video_changed_are_of_the_new_one(folder, calls, out):
     batch.run([folder], out)
     correct(out / "a")
     (folder / "a.avi").write_bytes(b"a, recorded again")
@@ -847,9 +821,10 @@ def test_corrections_made_since_the_video_changed_are_of_the_new_one(folder, cal
         change_settings(folder)
 
 
-def test_tables_made_from_corrections_leave_alone_what_is_being_saved(folder, calls, tmp_path):
+def test_tables_made_from_corrections_leave_alone_what_is_being_saved(
+    folder, calls, tmp_path, out
+):
     """The page saves the next correction while a thread makes the tables of the last one."""
-    out = tmp_path / "results"
     batch.run([folder], out)
     correct(out / "a")
     frames = files.read_frames(out / "a" / "frames.parquet")
@@ -872,8 +847,7 @@ def test_a_link_that_leads_nowhere_is_a_video_that_fails(folder, calls, tmp_path
     assert failed.message == "is a link to a file that is not there; is a disk missing?"
 
 
-def test_a_copy_is_a_video_of_its_own_and_is_said(folder, calls, tmp_path, capsys):
-    out = tmp_path / "results"
+def test_a_copy_is_a_video_of_its_own_and_is_said(folder, calls, out, capsys):
     batch.run([folder], out)
     for name in ("c", "d"):
         shutil.copy2(folder / "a.avi", folder / f"{name}.avi")
@@ -886,8 +860,7 @@ def test_a_copy_is_a_video_of_its_own_and_is_said(folder, calls, tmp_path, capsy
     assert said in capsys.readouterr().out
 
 
-def test_a_video_that_was_removed_leaves_the_tables_but_not_the_folder(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_a_video_that_was_removed_leaves_the_tables_but_not_the_folder(folder, calls, out):
     batch.run([folder], out)
     (folder / "a.avi").unlink()
     summary = batch.run([folder], out)
@@ -897,9 +870,8 @@ def test_a_video_that_was_removed_leaves_the_tables_but_not_the_folder(folder, c
 
 
 def test_results_stay_in_the_tables_where_a_whole_folder_of_videos_is_gone(
-    folder, calls, tmp_path
+    folder, calls, tmp_path, out
 ):
-    out = tmp_path / "results"
     batch.run([folder], out)
     other = shutil.copytree(folder, tmp_path / "day2")
     for name in "ab":
@@ -912,10 +884,7 @@ def test_results_stay_in_the_tables_where_a_whole_folder_of_videos_is_gone(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["frames.parquet", "contacts.csv", "run.json", "session.toml"])
 @pytest.mark.parametrize("damage", ["cut", "emptied", "flipped", "replaced"])
-def test_damaged_results_are_made_again_and_corrections_stay(
-    folder, calls, tmp_path, name, damage
-):
-    out = tmp_path / "results"
+def test_damaged_results_are_made_again_and_corrections_stay(folder, calls, out, name, damage):
     change_settings(folder)
     batch.run([folder], out)
     correct(out / "a")
@@ -940,8 +909,7 @@ def test_damaged_results_are_made_again_and_corrections_stay(
     assert sorted(p.name for p in out.iterdir() if p.is_dir()) == ["a", "b"]
 
 
-def test_damaged_results_of_a_video_that_is_not_there_are_said(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_damaged_results_of_a_video_that_is_not_there_are_said(folder, calls, out):
     batch.run([folder / "a.avi"], out)
     (out / "a" / "contacts.csv").write_text("not,a\ntable,of,contacts\n")
     summary = batch.run([folder / "b.avi"], out)
@@ -949,10 +917,7 @@ def test_damaged_results_of_a_video_that_is_not_there_are_said(folder, calls, tm
     assert "damaged" in summary.of("failed")[0].message
 
 
-def test_tables_that_a_person_saved_among_the_results_are_no_video_of_the_run(
-    folder, calls, tmp_path
-):
-    out = tmp_path / "results"
+def test_tables_that_a_person_saved_among_the_results_are_no_video_of_the_run(folder, calls, out):
     batch.run([folder], out)
     run_record.write_saved(shutil.copytree(out / "a", out / "mine"), 9, None)
     batch.run([folder], out)
@@ -984,8 +949,7 @@ def test_settings_of_one_session_are_not_taken_for_those_of_all(folder, calls, t
     assert read_session(out / "session.toml").analysis.curvature_at_mm == 5.6
 
 
-def test_interruption_keeps_what_is_finished(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_interruption_keeps_what_is_finished(folder, calls, out):
     (folder / "b.avi").write_bytes(b"stop")
     summary = batch.run([folder], out)
     assert summary.interrupted
@@ -997,10 +961,9 @@ def test_interruption_keeps_what_is_finished(folder, calls, tmp_path):
     assert statuses(out) == {"a": "done", "b": "done"}
 
 
-def test_interruption_of_a_second_run_loses_nothing(folder, calls, tmp_path):
+def test_interruption_of_a_second_run_loses_nothing(folder, calls, out):
     """Curate, change a setting, run, Ctrl-C, run again."""
     (folder / "c.avi").write_bytes(b"c.avi")
-    out = tmp_path / "results"
     batch.run([folder], out)
     for name in "abc":
         correct(out / name)
@@ -1034,8 +997,7 @@ def test_results_count_as_made_also_where_the_clock_was_set_back(folder, calls, 
     assert video_task.interrupted_outcome(task).status == "done"
 
 
-def test_a_second_run_in_the_same_folder_is_refused(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_a_second_run_in_the_same_folder_is_refused(folder, calls, out):
     batch.run([folder], out)
     before = contents(out)
     with locked(out), pytest.raises(InputError, match=r"results: another whiskerforce .*process"):
@@ -1045,8 +1007,7 @@ def test_a_second_run_in_the_same_folder_is_refused(folder, calls, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_killed_process_costs_only_its_video(folder, calls, tmp_path, monkeypatch):
-    out = tmp_path / "results"
+def test_a_killed_process_costs_only_its_video(folder, calls, out, monkeypatch):
     batch.run([folder / "a.avi"], out)
     (folder / "c.avi").write_bytes(b"c.avi")
     with monkeypatch.context() as patch:
@@ -1060,7 +1021,7 @@ def test_a_killed_process_costs_only_its_video(folder, calls, tmp_path, monkeypa
     assert calls == ["a.avi", "b.avi", "c.avi"]
 
 
-def test_overlay_alone_does_not_analyse_again(folder, calls, tmp_path, monkeypatch):
+def test_overlay_alone_does_not_analyse_again(folder, calls, out, monkeypatch):
     import pipeline.reports.overlay
 
     drawn = []
@@ -1071,7 +1032,6 @@ def test_overlay_alone_does_not_analyse_again(folder, calls, tmp_path, monkeypat
         return []
 
     monkeypatch.setattr(pipeline.reports.overlay, "write_overlay", write_overlay)
-    out = tmp_path / "results"
     batch.run([folder], out)
     for _ in range(2):
         batch.run([folder], out, overlay=True)
@@ -1080,7 +1040,7 @@ def test_overlay_alone_does_not_analyse_again(folder, calls, tmp_path, monkeypat
 
 
 @pytest.mark.parametrize("first", [False, True])
-def test_a_fault_of_the_overlay_costs_no_table(folder, calls, tmp_path, monkeypatch, first):
+def test_a_fault_of_the_overlay_costs_no_table(folder, calls, out, monkeypatch, first):
     import pipeline.reports.overlay
 
     def write_overlay(path, folder, settings, progress):
@@ -1090,7 +1050,6 @@ def test_a_fault_of_the_overlay_costs_no_table(folder, calls, tmp_path, monkeypa
         return []
 
     monkeypatch.setattr(pipeline.reports.overlay, "write_overlay", write_overlay)
-    out = tmp_path / "results"
     if not first:
         batch.run([folder], out)
     summary = batch.run([folder], out, overlay=True)
@@ -1106,8 +1065,7 @@ def test_a_fault_of_the_overlay_costs_no_table(folder, calls, tmp_path, monkeypa
     assert calls == ["a.avi", "b.avi"]
 
 
-def test_an_overlay_of_before_goes_with_its_tables(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_an_overlay_of_before_goes_with_its_tables(folder, calls, out):
     batch.run([folder], out)
     (out / "a" / "overlay.mp4").touch()
     batch.run([folder], out, overwrite=True)
@@ -1116,9 +1074,8 @@ def test_an_overlay_of_before_goes_with_its_tables(folder, calls, tmp_path):
 
 @pytest.mark.parametrize("broken", ["mkdtemp", "rename", "replace"])
 def test_a_folder_that_cannot_be_written_costs_its_video_only(
-    folder, calls, tmp_path, monkeypatch, broken
+    folder, calls, out, monkeypatch, broken
 ):
-    out = tmp_path / "results"
     batch.run([folder], out)
     change_settings(folder)
     before = contents(out / "a")
@@ -1147,12 +1104,11 @@ def test_a_folder_that_cannot_be_written_costs_its_video_only(
 # --- inputs and their settings ---------------------------------------------------------------
 
 
-def test_equal_stems_get_distinct_folders_and_keep_them(folder, calls, tmp_path):
+def test_equal_stems_get_distinct_folders_and_keep_them(folder, calls, tmp_path, out):
     other = tmp_path / "other"
     shutil.copytree(folder, other)
     (folder / "A.mp4").write_bytes(b"A.mp4")
     (folder / "figures.avi").write_bytes(b"figures")
-    out = tmp_path / "results"
     batch.run([folder, other], out)
     record = json.loads((out / "run.json").read_text())["inputs"]
     assert len({name.casefold() for name in record}) == 6
@@ -1319,13 +1275,12 @@ def test_results_may_lie_in_the_folder_of_other_results(folder, calls):
     assert statuses(folder) == {"a": "done", "b": "done"}
 
 
-def test_subfolders_with_settings_of_their_own(folder, calls, tmp_path):
+def test_subfolders_with_settings_of_their_own(folder, calls, out):
     mouse = folder / "mouse2"
     mouse.mkdir()
     (mouse / "c.avi").write_bytes(b"c.avi")
     other = settings_from({"recording": {**SETTINGS.recording.model_dump(), "face": "right"}})
     write_session(mouse / "session.toml", other)
-    out = tmp_path / "results"
     batch.run([folder], out)
     assert read_session(out / "a" / "session.toml") == SETTINGS
     assert read_session(out / "c" / "session.toml") == other
@@ -1362,8 +1317,7 @@ def test_files_of_a_person_in_the_results_folder_are_not_replaced(folder, calls,
     assert not calls
 
 
-def test_settings_that_a_person_changed_among_the_results_are_kept(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_settings_that_a_person_changed_among_the_results_are_kept(folder, calls, out):
     batch.run([folder], out)
     written = (out / "session.toml").read_text()
     assert not batch.run([folder], out).problems
@@ -1396,8 +1350,7 @@ def test_settings_with_nearly_the_right_name_are_pointed_out(folder, calls, tmp_
         batch.run([folder], tmp_path / "results")
 
 
-def test_unusable_arguments_stop_before_anything_is_processed(folder, calls, tmp_path):
-    out = tmp_path / "results"
+def test_unusable_arguments_stop_before_anything_is_processed(folder, calls, tmp_path, out):
     with pytest.raises(InputError, match=r"no such file or folder: .*nowhere"):
         batch.run([folder, tmp_path / "nowhere"], out)
     (folder / "session.toml").unlink()
