@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.contacts.corrections import decisions_in_words
+from pipeline.errors import counted
 from pipeline.reports import plots
 from pipeline.reports.error_budget import session_budget
 from pipeline.reports.examples import Effort, choose_examples, choose_flagged
@@ -104,6 +105,7 @@ def _template(name):
         lstrip_blocks=True,
     )
     environment.filters["number"] = _number
+    environment.filters["counted"] = counted
     environment.filters["percent"] = lambda v: "" if pd.isna(v) else f"{100 * v:.1f} %"
     return environment.get_template(name)
 
@@ -170,19 +172,21 @@ def _tiles(videos, contacts, record):
     failed = int((videos["status"] == "failed").sum())
     seconds = sum(sum(each["stages"].values()) for each in record["inputs"].values())
     frames = int(videos["frames"].sum())
-    made = len(videos) - failed
-    yield (
-        f"{made}",
-        ("video" if made == 1 else "videos") + (f"; {failed} more failed" if failed else ""),
-    )
-    yield f"{frames:,}", "frames"
-    yield f"{len(contacts):,}", "contacts"
+    made, word = _counted(len(videos) - failed, "video")
+    yield made, word + (f"; {failed} more failed" if failed else "")
+    yield _counted(frames, "frame")
+    yield _counted(len(contacts), "contact")
     if contacts["peak_force_uN"].notna().any():
         yield f"{_number(contacts['peak_force_uN'].median())} µN", "median peak force"
     if len(contacts):
         yield f"{_number(contacts['duration_ms'].median())} ms", "median duration"
     if seconds:
         yield f"{frames / seconds:.0f}", "frames/s on one core"
+
+
+def _counted(number, thing) -> tuple[str, str]:
+    """A number, and what it counts."""
+    return f"{number:,}", counted(number, thing).split(" ", 1)[1]
 
 
 def _whiskers(results, contacts) -> dict:

@@ -250,6 +250,15 @@ def test_ringing_contacts_are_counted_and_named(tmp_path):
     assert "two C2, contact 2" not in most
 
 
+def test_one_is_one_contact_and_not_contacts(tmp_path):
+    results = make_results(tmp_path / "r")
+    table = files.read_csv(results / "contacts.csv", CONTACT_COLUMNS).head(1)
+    files.write_csv(results / "contacts.csv", table.assign(vibration_ratio=0.2), CONTACT_COLUMNS)
+    page = page_of(results)
+    assert "<b>1</b>contact</div>" in page
+    assert "in none of 1 contact. In 1 it is" in " ".join(page.split())
+
+
 def test_map_agrees_with_the_table_of_contacts(tmp_path):
     rows = [
         contact("one", 1, 10, 3, 4.0, contact_arc_length_mm=12.0, peak_base_moment_nN_m=-9.0),
