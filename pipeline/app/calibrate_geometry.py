@@ -70,8 +70,11 @@ def _sentence(geometry):
 
 
 def _check(images, scale, masses):
+    places = [image.resolve() for image in images]
     for image in images:
         need_content(image, "micrographs, named one by one,")
+        if places.count(image.resolve()) > 1:
+            raise ValueError(f"{image}: is named twice, and its whisker would count as two")
     given = {option: value for option, value in scale.items() if value is not None}
     if len(given) != 1:
         raise ValueError(

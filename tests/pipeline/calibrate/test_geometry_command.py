@@ -169,6 +169,13 @@ def test_what_cannot_be_measured_leaves_all_as_it_was(
     assert not out.exists()
 
 
+def test_a_picture_that_is_named_twice_is_no_second_whisker(pictures, tmp_path, capsys):
+    images = pictures / "w0.png", pictures / "." / "w1.png", pictures / "w1.png"
+    assert run(*images, "--pixels-per-mm", 140, "--out", tmp_path / "out") == 2
+    assert f"{images[1]}: is named twice" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_into_needs_a_whisker(pictures, session, tmp_path, capsys):
     image = pictures / "w0.png"
     assert run(image, "--pixels-per-mm", 140, "--out", tmp_path / "o", "--into", session) == 2
