@@ -5,6 +5,7 @@ from pipeline.calibrate.dust_files import pooled_slope, write_dust
 from pipeline.calibrate.follicle_motion import measure_follicle_motion
 from pipeline.convert.results import read_results
 from pipeline.errors import counted
+from pipeline.tables.own_files import origins
 
 
 def run_dust(results, out, whisker, at_mm, say) -> list[str]:
@@ -23,6 +24,8 @@ def run_dust(results, out, whisker, at_mm, say) -> list[str]:
         raise ValueError(f"--at-mm {at_mm}: expected a distance from the follicle in mm, above 0")
     videos = read_results(results)
     name = one_whisker(videos, whisker, "the whisker that the particle sits on, one")
+    made_of = {video.whisker_made_of(name) for video in videos}
+    origins(out, ["dust.csv"], made_of)
     advice = (
         "if there is one, give --at-mm, its rough distance from the follicle"
         if at_mm is None
@@ -37,7 +40,7 @@ def run_dust(results, out, whisker, at_mm, say) -> list[str]:
         none=f"{results}: {counted(len(videos), 'video')}, and in none can a particle be "
         f"followed: {advice}",
     )
-    write_dust(out, motions, {video.whisker_made_of(name) for video in videos})
+    write_dust(out, motions, made_of)
     say(slope_sentence(pooled_slope(motions)))
     say(f"tables and figures: {out}")
     return faults

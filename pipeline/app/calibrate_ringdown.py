@@ -5,6 +5,7 @@ from pipeline.calibrate.ringdown import check_frame_rate, fit_slip, pool, whiske
 from pipeline.calibrate.ringdown_files import write_into, write_ringdown
 from pipeline.calibrate.slips import find_slips, named_slips
 from pipeline.errors import counted
+from pipeline.tables.own_files import origins
 
 DIMENSIONS = ("length", "cone_length", "base_radius", "density")  # on which the modulus depends
 
@@ -27,6 +28,7 @@ def run_ringdown(results, out, places, follicle, into, name, say) -> list[str]:
     settings = slips[0].video.settings
     whisker = whisker_of(settings, slips[0].whisker)
     check_frame_rate(settings.recording.frames_per_second, whisker, boundary)
+    origins(out, ["ringdown.csv"], {s.video.whisker_made_of(s.whisker) for s in slips})
     fits, faults = each(
         slips,
         lambda slip: _fit(slip, slips[0], boundary),

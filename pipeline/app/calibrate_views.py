@@ -7,6 +7,7 @@ from pipeline.calibrate.two_views import ViewsError, fit_views, read_points
 from pipeline.calibrate.views import measure_views
 from pipeline.calibrate.views_files import write_views
 from pipeline.convert.results import read_results
+from pipeline.tables.own_files import origins
 
 
 def run_views(first, second, points, out, whisker, say) -> list[str]:
@@ -23,6 +24,8 @@ def run_views(first, second, points, out, whisker, say) -> list[str]:
     """
     pairs = _pairs(read_results(first), read_results(second), first, second)
     name = one_whisker([video for video, _ in pairs], whisker)
+    made_of = {video.whisker_made_of(name) for video, _ in pairs}
+    origins(out, ["views.csv"], made_of)
     scales = [_scale(video) for video in next(pair for pair in pairs if all(pair))]
     views = _fitted(points, scales[0])
     say(
@@ -36,7 +39,6 @@ def run_views(first, second, points, out, whisker, say) -> list[str]:
         say,
         none=f"{first}: no video can be put together with {second}",
     )
-    made_of = {video.whisker_made_of(name) for video, _ in pairs}
     write_views(out, views, measured, made_of)
     say(f"tables and figure: {out}")
     return faults

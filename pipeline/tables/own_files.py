@@ -182,22 +182,24 @@ def _compared(folder, new, record) -> tuple[dict, list[Path]]:
 def _move_in(paths, folder, made_of):
     """Move files into a folder; the list knows of old and new ones, whenever the program ends."""
     ours = check_own(folder, {path.name: sha256(path) for path in paths})
-    origins = _origins(folder, ours, set(made_of))
+    made = origins(folder, ours, made_of)
     for path in paths:
         to_disk(path)
     draft = folder / DRAFT / RECORD  # what a program that is killed leaves there is removed
-    write_json(draft, written_in(folder) | ours | {MADE_OF: origins})
+    write_json(draft, written_in(folder) | ours | {MADE_OF: made})
     os.replace(draft, folder / RECORD)
     for path in paths:
         os.replace(path, folder / path.name)
     to_disk(folder)
 
 
-def _origins(folder, names, made_of) -> dict:
+def origins(folder, names, made_of) -> dict:
     """What all files on the list are made of, these `names` of `made_of`.
 
-    InputError where a file is there that was made of other things only: of another session.
+    InputError where a file is there that was made of other things only: of another session. Long
+    work asks so before it begins.
     """
+    folder, made_of = Path(folder), set(made_of)
     before = written_in(folder).get(MADE_OF)
     before = before if isinstance(before, dict) else {}
     for name in names:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.app import cli
+from pipeline.app import calibrate_dust, cli
 from pipeline.calibrate import thickness
 from pipeline.calibrate.follicle_motion import slope_of
 from pipeline.calibrate.particle import NoParticleError, follow_particle, likeliest_places
@@ -20,6 +20,7 @@ from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import centrelines, files
 from pipeline.tables.calibration_columns import DUST_CONTACT_COLUMNS, DUST_VIDEO_COLUMNS
 from pipeline.tables.columns import CONTACT_COLUMNS, FRAME_COLUMNS, VIDEO_COLUMNS, as_table
+from pipeline.tables.own_files import new_files
 
 SCALE = 25.0  # px/mm
 FRAMES, PLACES = 200, 180
@@ -237,6 +238,15 @@ def test_a_video_that_is_gone_is_left_out_and_the_others_measured(tmp_path, caps
     assert run(results, "--out", out) == 1
     assert list(read_videos(out)["video"]) == ["one", "pooled"]
     assert f"left out: gone, whisker C2: {tmp_path / 'gone'}: does not" in capsys.readouterr().out
+
+
+def test_the_results_of_another_session_are_found_before_any_work(tmp_path, monkeypatch, capsys):
+    results, out = write_results(tmp_path), tmp_path / "out"
+    with new_files(out, ["Monday"]) as new:
+        (new / "dust.csv").write_text("of Monday")
+    monkeypatch.setattr(calibrate_dust, "measure_follicle_motion", None)  # not called
+    assert run(results, "--out", out) == 2
+    assert f"{out / 'dust.csv'}: would be replaced, but was made of" in capsys.readouterr().err
 
 
 def read_videos(out):
