@@ -15,6 +15,7 @@ from pipeline.reports.lettering import line_height, put_text
 from pipeline.reports.overlay import write_png
 from pipeline.reports.whisker_styles import DARKEST, pieces, whisker_styles
 from pipeline.run import find_whiskers, look_at, trace
+from pipeline.scene.epochs import numbers_at
 from pipeline.scene.picture_part import part_of
 from pipeline.session.schema import Settings
 from pipeline.tables.known_names import KNOWN, in_short, nameless
@@ -135,15 +136,14 @@ def _known_and_all(lines):
 def _stretch(seen):
     """Frame at which to begin, in the middle of the epoch that holds longest; its scene."""
     indices, epochs = seen.frames, seen.epochs
-    starts = np.array([epoch.start for epoch in epochs])
-    owner = np.searchsorted(starts, indices, side="right") - 1
+    owner = numbers_at(indices, epochs)
     held = [np.sum(owner == k) if epoch.scene else -1 for k, epoch in enumerate(epochs)]
     longest = int(np.argmax(held))
     own = indices[owner == longest]
-    start = int(own[len(own) // 2]) if len(own) else int(starts[longest])
+    start = int(own[len(own) // 2]) if len(own) else epochs[longest].start
     stop = epochs[longest].stop
     if stop is not None:
-        start = max(min(start, stop - STRETCH), int(starts[longest]))
+        start = max(min(start, stop - STRETCH), epochs[longest].start)
     return start, epochs[longest].scene
 
 

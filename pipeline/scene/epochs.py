@@ -26,6 +26,11 @@ def as_epochs(scene):
     return [Epoch(0, None, scene)] if isinstance(scene, StaticScene) else scene
 
 
+def numbers_at(indices, epochs) -> np.ndarray:
+    """Number of the epoch to which each of the frames `indices` belongs."""
+    return np.searchsorted([epoch.start for epoch in epochs], indices, side="right") - 1
+
+
 def face_side_of(scene) -> str:
     """Side of the picture with the face, of a StaticScene or of a video's epochs."""
     return next(epoch.scene.face_side for epoch in as_epochs(scene) if epoch.scene)

@@ -10,7 +10,7 @@ from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.tracing_options import TracingOptions
-from pipeline.scene.epochs import as_epochs
+from pipeline.scene.epochs import as_epochs, numbers_at
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import hairs, line_ends, matching
 from pipeline.tracking.given_lengths import (
@@ -283,8 +283,7 @@ def _by_scene(frames, scene, indices):
         return [(epochs[0].scene, frames)]
     if indices is None:
         raise ValueError("indices of the frames are needed where the scene changes, got None")
-    starts = [epoch.start for epoch in epochs]
-    owner = np.searchsorted(starts, indices, side="right") - 1
+    owner = numbers_at(indices, epochs)
     pairs = [(e.scene, frames[owner == k]) for k, e in enumerate(epochs) if e.scene is not None]
     return [(s, f) for s, f in pairs if len(f)]
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.detection.tracing_options import TracingOptions
+from pipeline.scene.epochs import numbers_at
 from pipeline.scene.scale import scale_of
 from pipeline.session.parameters import Parameters
 from pipeline.session.schema import Settings, WhiskerSettings
@@ -108,7 +109,8 @@ def find_whisker_set(indices, frames, epochs, settings: Settings) -> WhiskerSet:
     options = tracing_options(settings, shape)
     scenes = [epoch.scene for epoch in epochs if epoch.scene]
     face_side = scenes[0].face_side if scenes else "left"
-    unseen_face = float(np.median([scene.unseen_face for scene in scenes] or [0.0]))
+    shown = [epochs[k].scene for k in numbers_at(indices, epochs)]  # by each of the frames
+    unseen_face = float(np.median([scene.unseen_face for scene in shown if scene] or [0.0]))
 
     def seen(wanted, options):
         both = templates_and_others(frames, epochs, options, wanted, indices)

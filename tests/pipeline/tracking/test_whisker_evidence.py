@@ -1,16 +1,20 @@
 """Whiskers are told from walls, edges and scratches that come out of something dark."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 from usual_parameters import options_for
 
 from pipeline.run import analyse
+from pipeline.scene.epochs import Epoch
 from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
 from pipeline.tracking.registry import find_templates
 from pipeline.tracking.whisker_evidence import whisker_like
+from pipeline.tracking.whiskers import find_whisker_set
 
 SCALE, FRAMES = 20.0, 24  # px/mm
 FACE_PX, LIGHT = 40, 200.0  # grey
@@ -210,3 +214,19 @@ def test_what_begins_far_inside_a_picture_without_a_face_is_believed_if_named_or
     said = analyse(bright, settings_from({"recording": RECORDING, "whisker": tables}))
     assert said.frames["whisker"].nunique() == found
     assert ("is nothing dark at the left" in said.messages[0]) == (found == 0)
+
+
+@pytest.mark.parametrize("seen_from", [8, 20])
+def test_a_face_that_is_seen_in_a_few_frames_only_is_an_unseen_one(seen_from):
+    """As where something dark passes the border, however many epochs that makes."""
+    frames = frames_of(0.1, 1.5, 0.2)
+    frames[:, :, :FACE_PX] = LIGHT
+    frames = np.roll(frames, 60, axis=2)
+    settings = settings_from({"recording": RECORDING})
+    unseen = scene_from_frames(frames, settings.recording.si(), None)
+    assert unseen.unseen_face > 0.125
+    dark = replace(unseen, face_seen=True)
+    parts = [Epoch(0, seen_from, unseen), Epoch(seen_from, 22, dark), Epoch(22, None, dark)]
+    found = find_whisker_set(np.arange(FRAMES), frames, parts, settings)
+    assert len(found.templates) == (seen_from == 8)
+    assert len(found.refused) == (seen_from == 20)
