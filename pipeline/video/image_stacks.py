@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import tifffile
+from PIL import Image
 
 from pipeline.errors import VideoError, counted
 from pipeline.numerics.runs import evenly
@@ -125,7 +126,7 @@ class TiffVideo(ImageStack):
     """The pages of a TIFF file."""
 
     def __init__(self, path):
-        self._path = path
+        self._path, self._pillow = path, None
         try:
             with lost_pages() as lost:
                 self._tiff = tifffile.TiffFile(path)
@@ -171,13 +172,24 @@ class TiffVideo(ImageStack):
         check_pixels(self._path, page.imagewidth, page.imagelength)
         if page.bitspersample in PACKED_BITS and page.compression == 1 and page.fillorder == 1:
             return _unpacked(page)
-        return page.asarray()
+        try:
+            return page.asarray()
+        except ValueError as error:  # tifffile decodes few kinds of pages by itself
+            if "imagecodecs" not in str(error):
+                raise
+        return self._decoded(index)
+
+    def _decoded(self, index):
+        """A compressed page, as of LZW, as Pillow reads it."""
+        self._pillow = self._pillow or Image.open(self._path)
+        self._pillow.seek(index)
+        return np.asarray(self._pillow)
 
     def close(self):
         """Close the file."""
-        if self._volume is not None:
-            self._volume.close()
-        self._tiff.close()
+        for file in (self._volume, self._pillow, self._tiff):
+            if file is not None:
+                file.close()
 
 
 def _unpacked(page):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import tifffile
 from camera_files import cine, packed_tiff
+from PIL import Image
 
 from pipeline.errors import VideoError
 from pipeline.video.base import bits_to_drop, to_8_bit
@@ -470,6 +471,22 @@ class TestTiffStacks:
         cut(tmp_path / "a.tif", 0.6)
         error = error_of(tmp_path / "a.tif")
         assert "a.tif" in str(error)
+
+    @pytest.mark.parametrize("kind", ["tiff_lzw", "packbits", "tiff_adobe_deflate"])
+    @pytest.mark.parametrize("colour", [False, True])
+    def test_compressed_pages(self, tmp_path, kind, colour):
+        frames = np.stack([picture(i) for i in range(4)])
+        pages = [Image.fromarray(frame).convert("RGB" if colour else "L") for frame in frames]
+        several = {"save_all": True, "append_images": pages[1:], "compression": kind}
+        pages[0].save(tmp_path / "a.tif", **several)
+        assert np.array_equal(read(tmp_path / "a.tif"), frames)
+        with open_video(tmp_path / "a.tif") as video:
+            assert np.array_equal(next(video.frames(2)), frames[2])
+
+    def test_compressed_pages_of_16_bits(self, tmp_path):
+        frames = [picture(i).astype(np.uint16) * 200 for i in range(3)]
+        cv2.imwritemulti(str(tmp_path / "a.tif"), frames)  # LZW
+        assert np.array_equal(read(tmp_path / "a.tif"), np.stack(frames) >> 8)
 
     def test_no_tiff(self, tmp_path):
         (tmp_path / "a.tif").write_text("hello")
