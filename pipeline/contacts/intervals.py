@@ -135,8 +135,14 @@ def _is_stopped(part, start, stop, spread):
 
 
 def _is_pushed(part, start, stop):
-    """Whether the peak force is above its standard error, or above the forces of free frames."""
+    """Whether the peak force is above its standard error, or above the forces of free frames.
+
+    Where the rest shape is known and yet no force is, as in the blurred frame of a slip, no push
+    is seen.
+    """
     rows = slice(start, stop)
+    if part["rest_known"][rows].any() and not np.isfinite(part["shape_force_N"][rows]).any():
+        return False
     return _pushes(part, rows) or all(
         _stands_out(part, rows, f"{method}_force_N") for method in forces.METHODS
     )

@@ -68,6 +68,18 @@ def test_a_plain_touch():
     assert row["probability"] == pytest.approx(0.95)
 
 
+def test_a_blurred_frame_of_a_slip_is_no_other_contact():
+    """The whisker is beyond the pole already, and no rod can be fitted to it."""
+    side, force = (
+        course(slice(FIRST, LAST), 1).astype(int),
+        evidence()["shape_force_N"].to_numpy(copy=True),
+    )
+    side[LAST - 1], force[LAST - 1] = -1, np.nan
+    found = find_intervals(evidence(side=side, shape_force_N=force), params=DEFAULTS.contacts)
+    assert spans(found) == [(FIRST, LAST - 1)]
+    assert found.iloc[0]["slip"]
+
+
 def test_a_touch_ends_where_the_pole_changes_sides():
     """Frames in which no side is known belong to the contact before."""
     side = course(slice(FIRST, LAST), 1).astype(int)
