@@ -2,10 +2,8 @@
 
 Where whiskers cross at a small angle, lines may turn off onto each other there. A whisker is
 smooth: with its own far part it is nearly a parabola, and with the other's it has a bend. One that
-the pole bends is no parabola, yet smooth on either side of the crossing; two that cross flatly are
-smooth there either way, and only the whole lines tell. So the crossing is looked at from near by
-and from farther away, and where the two ways differ most decides. While two lines lie upon each
-other, neither is seen well: that stretch is left out, however long it is.
+the pole bends is no parabola, yet smooth on either side of the crossing; so what is near the
+crossing decides, and the whole lines only where they cross too flatly for that.
 """
 
 from typing import NamedTuple
@@ -30,22 +28,22 @@ class Reach(NamedTuple):
     ----------
     near : distance at which lines cross or touch [px]
     least : nodes on either side of the crossing
-    hidden : distance up to which both lie upon each other [px]
-    local : nodes on either side that are looked at first, then twice as many, then all
+    gap : nodes left out where both lie upon each other
+    local : nodes on either side that decide where they can, then twice as many, then all
     """
 
     near: float
     least: int
-    hidden: float
+    gap: int
     local: int
 
     @classmethod
     def of(cls, params, pixels_per_m) -> "Reach":
         """As the room's parameters say, for a scale."""
-        lengths = params.crossing_least_mm, params.crossing_reach_mm
-        least, local = (max(round(pixels_in(each, pixels_per_m)), TERMS) for each in lengths)
-        near = pixels_in(params.crossing_mm, pixels_per_m)
-        return cls(near, least, params.crossing_hidden_px, local)
+        lengths = params.crossing_least_mm, params.crossing_hidden_mm, params.crossing_reach_mm
+        least, gap, local = (round(pixels_in(each, pixels_per_m)) for each in lengths)
+        least = max(least, 2 * gap, 4)  # something is left on either side
+        return cls(pixels_in(params.crossing_mm, pixels_per_m), least, gap, max(local, least))
 
 
 @njit(cache=True)
@@ -55,65 +53,46 @@ def tails_exchanged(x, y, n, other_x, other_y, m, near):
     near : `Reach`
     """
     i, j = nearest_nodes(x, y, n, other_x, other_y, m, near.near, near.least)
-    if i < 0:
+    if i < 0 or min(i, j, n - i, m - j) < near.least:
         return -1, -1
-    a, b = _apart(x, y, n, i, other_x, other_y, m, j, -1, near.hidden)
-    c, d = _apart(x, y, n, i, other_x, other_y, m, j, 1, near.hidden)
-    if min(a, b, n - c, m - d) < near.least:
-        return -1, -1
-    kept = changed = 0.0
+    gap = near.gap
     for reach in (near.local, 2 * near.local, max(n, m)):
         stride = max(reach // STRIDE, 1)
-        one, one_tail = max(a - reach, 0), min(c + reach, n)
-        two, two_tail = max(b - reach, 0), min(d + reach, m)
-        now = _misfit(x, y, one, a, x, y, c, one_tail, stride)
-        now += _misfit(other_x, other_y, two, b, other_x, other_y, d, two_tail, stride)
-        then = _misfit(x, y, one, a, other_x, other_y, d, two_tail, stride)
-        then += _misfit(other_x, other_y, two, b, x, y, c, one_tail, stride)
-        if abs(now - then) > abs(kept - changed):
-            kept, changed = now, then
-    exchanged = kept > LEAST_MISFIT and changed < MUCH_BETTER * kept
-    return (i, j) if exchanged else (-1, -1)
-
-
-@njit(cache=True)
-def _apart(x, y, n, i, other_x, other_y, m, j, step, hidden):
-    """The nodes next to i and j from which on two lines are more than `hidden` px apart.
-
-    step : 1 towards the tips, −1 towards the bases
-    """
-    while 0 < i < n - 1 and 0 < j < m - 1:
-        i += step
-        apart = np.hypot(x[i] - other_x[j], y[i] - other_y[j])
-        while 0 < j < m - 1:
-            after = np.hypot(x[i] - other_x[j + step], y[i] - other_y[j + step])
-            if after > apart:
-                break
-            j, apart = j + step, after
-        if apart > hidden:
+        one, one_tail = max(i - reach, 0), min(i + reach, n)
+        two, two_tail = max(j - reach, 0), min(j + reach, m)
+        now = _misfit(x, y, one, i, x, y, i, one_tail, gap, stride)
+        now += _misfit(other_x, other_y, two, j, other_x, other_y, j, two_tail, gap, stride)
+        then = _misfit(x, y, one, i, other_x, other_y, j, two_tail, gap, stride)
+        then += _misfit(other_x, other_y, two, j, x, y, i, one_tail, gap, stride)
+        if max(now, then) < LEAST_MISFIT:
+            continue
+        if then < MUCH_BETTER * now:
+            return i, j
+        if now < MUCH_BETTER * then:
             break
-    return i, j
+    return -1, -1
 
 
 @njit(cache=True)
-def _misfit(x, y, start, i, tail_x, tail_y, j, end, stride):
-    """Mean square distance [px²] of nodes start … i − 1 and j … end − 1 from a smooth curve.
+def _misfit(x, y, start, i, tail_x, tail_y, j, end, gap, stride):
+    """Mean square distance [px²] of nodes start … i and j … end from a smooth curve.
 
-    Every `stride`-th of them is looked at.
+    `gap` nodes beside i and j are left out; every `stride`-th other one is looked at.
     """
-    first, count = i - start, 0
+    first, second = i - gap - start, j + gap
+    count = 0
     x0, y0 = x[start], y[start]
     ux, uy = tail_x[end - 1] - x0, tail_y[end - 1] - y0
     norm = max(np.hypot(ux, uy), 1e-9)
     ux, uy = ux / norm, uy / norm
     gram, right, total = np.zeros((TERMS, TERMS)), np.zeros(TERMS), 0.0
     powers = np.empty(TERMS)
-    for k in range(0, first + end - j, stride):
+    for k in range(0, first + end - second, stride):
         count += 1
         if k < first:
             dx, dy = x[start + k] - x0, y[start + k] - y0
         else:
-            dx, dy = tail_x[j + k - first] - x0, tail_y[j + k - first] - y0
+            dx, dy = tail_x[second + k - first] - x0, tail_y[second + k - first] - y0
         s, v = (dx * ux + dy * uy) / norm, dx * uy - dy * ux
         powers[0] = 1.0
         for a in range(1, TERMS):

@@ -50,16 +50,16 @@ class DetectionParams:
         0.16, "lines that come this near cross or touch, and may have changed far parts",
         "chosen: 4 px at 25 px/mm",
     )  # fmt: skip
-    crossing_hidden_px: quantity(0, 20, "px") = parameter(
-        2.0, "where two lines that cross are this near, or nearer, to each other, neither is seen "
-        "well", "measured: rendered faces; 1.5 and 3 px are nearly as good",
+    crossing_hidden_mm: quantity(0, 2, "mm") = parameter(
+        0.12, "part of a line beside a crossing that is left out: both lie upon each other there",
+        "chosen: 3 px at 25 px/mm",
     )  # fmt: skip
     crossing_reach_mm: quantity(0.1, 20, "mm") = parameter(
-        1.6, "part of a line on either side of a crossing that is looked at; then twice as much, "
-        "then all: where the two ways differ most decides", "chosen: 40 px at 25 px/mm",
+        1.6, "part of a line on either side of a crossing that decides, if it can; then twice as "
+        "much, then all", "chosen: 40 px at 25 px/mm",
     )  # fmt: skip
     crossing_least_mm: quantity(0.05, 20, "mm") = parameter(
-        0.48, "a crossing where less of a line is seen on either side is left as it is",
+        0.48, "a crossing nearer to the end of a line is left as it is",
         "chosen: 12 px at 25 px/mm",
     )  # fmt: skip
     blur_share: quantity(0, 1, "ratio") = parameter(

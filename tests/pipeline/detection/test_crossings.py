@@ -92,21 +92,3 @@ def test_lines_that_do_not_come_near_each_other_are_left():
     rng = np.random.default_rng(9)
     one, other = parabola(100, 0.1, 0.0, 120, rng), parabola(90, 0.05, 0.0, 120, rng)
     assert crossings.tails_exchanged(one.x, one.y, 120, other.x, other.y, 120, REACH) == (-1, -1)
-
-
-def flat_pair(seed=0, slope=0.03, bend=3e-4):
-    """Two whiskers that cross so flatly that they lie upon each other for some 60 px."""
-    rng = np.random.default_rng(seed)
-    one = parabola(100.0 + 130 * slope, -slope, bend, 260, rng)
-    return one, parabola(100.0 - 130 * slope, slope, bend, 260, rng)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_what_lines_do_while_they_lie_upon_each_other_says_nothing(seed):
-    """Lines that are fitted together push each other aside, and cross all the more steeply."""
-    one, other = flat_pair(seed)
-    s = np.arange(260.0) - 130
-    aside = 0.5 * np.tanh((s + 10) / 4) * np.exp(-0.5 * (s / 20) ** 2)  # px
-    one.y[:260] -= aside
-    other.y[:260] += aside
-    assert not crossings.uncross(one, other, REACH)
