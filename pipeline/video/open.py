@@ -262,8 +262,10 @@ def _kind(item) -> str:
 
 def _commonest(items, key) -> tuple[list, list]:
     """The items whose key is the commonest one, and the others."""
-    commonest = Counter(map(key, items)).most_common(1)[0][0]
-    return [i for i in items if key(i) == commonest], [i for i in items if key(i) != commonest]
+    keys = [key(item) for item in items]
+    commonest = Counter(keys).most_common(1)[0][0]
+    pairs = list(zip(items, keys, strict=True))
+    return [i for i, k in pairs if k == commonest], [i for i, k in pairs if k != commonest]
 
 
 def _images(items):
