@@ -118,20 +118,22 @@ def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections
         side → tip, with the settings' names; raw offsets and information follow from the points'
         scatter where the lines lack them
     settings, keep, corrections : as for `analyse`
-    pole : `PoleTrack`; None: the place that the settings give, if they do
+    pole : `PoleTrack` of one place for all frames, or of one for each; None: the place that the
+        settings give, if they do
     n_frames : of the video, where it goes on after the last line
 
     Raises
     ------
     InputError
-        If a line has a name that no [[whisker]] table has, or `pole` is something else.
+        If a line has a name that no [[whisker]] table has, or `pole` is something else or ends
+        before the lines do.
     """
     clock, settings, stored = Clock(), settings_given(settings), []
     corrections = corrections_given(corrections)
     keep = keep or (lambda chunk: stored.append(chunk.points_only()))
     lines = lines if isinstance(lines, Centrelines) else lines_of_table(lines)
-    if not isinstance(pole, PoleTrack | None):
-        raise InputError(f"pole: expected a `PoleTrack` or None, got {type(pole).__name__}")
+    n_frames = max(n_frames, int(lines.frame.max(initial=-1)) + 1)
+    _check_pole(pole, n_frames)
     kinematics = measure_lines(
         lines, settings, pole or _given_pole(settings), n_frames, keep, clock
     )
@@ -286,7 +288,21 @@ def measure_lines(lines, settings, pole, n_frames, keep, clock) -> Kinematics:
         with clock("storing"):
             if keep is not None:
                 keep(chunk)
-    return meter.result(max(n_frames, int(lines.frame.max(initial=-1)) + 1))
+    return meter.result(n_frames)
+
+
+def _check_pole(pole, n_frames):
+    """Raise where `pole` does not say where the pole is in all frames."""
+    if not isinstance(pole, PoleTrack | None):
+        raise InputError(f"pole: expected a `PoleTrack` or None, got {type(pole).__name__}")
+    if pole is None:
+        return
+    n_x, n_y = len(pole.x_px), len(pole.y_px)
+    if n_x != n_y or 1 != n_x < n_frames:
+        raise InputError(
+            f"pole: expected one place in x_px, y_px, or one for each of {n_frames} frames (NaN "
+            f"while the pole is away), got {n_x} in x_px and {n_y} in y_px; add what is missing"
+        )
 
 
 def _check_names(names, settings):

@@ -11,7 +11,15 @@ from matplotlib.figure import Figure
 
 import pipeline
 import synthetic
-from pipeline import analyse, analyse_lines, open_video, read_results, read_session, write_session
+from pipeline import (
+    PoleTrack,
+    analyse,
+    analyse_lines,
+    open_video,
+    read_results,
+    read_session,
+    write_session,
+)
 from pipeline.contacts.corrections import Verdict, table_of
 from pipeline.errors import InputError, VideoError
 from pipeline.reports.axes_plots import plot_centrelines, plot_contacts, plot_course
@@ -172,12 +180,24 @@ def test_wrong_names_are_reported_with_those_there_are(analysis, axis):
             lambda a, _: analyse_lines(a.centrelines, a.settings, (300, 200, 6)),
             "pole: expected a `PoleTrack` or None, got tuple",
         ),
+        (
+            lambda a, _: analyse_lines(
+                a.centrelines, a.settings, PoleTrack(np.zeros(7), np.zeros(7), 6.0)
+            ),
+            r"pole: expected one place .*, or one for each of \d+ frames .*, got 7 in x_px",
+        ),
+        (lambda a, folder: a.save(_file(folder) / "results"), "^/.*results: cannot write there"),
         (lambda _, folder: write_session(folder / "s.toml", {}), "`Settings`, got dict"),
     ],
 )
 def test_what_is_of_another_type_is_said_to_be(analysis, tmp_path, call, words):
     with pytest.raises(ValueError, match=words):
         call(analysis, tmp_path)
+
+
+def _file(folder):
+    (folder / "file.txt").touch()
+    return folder / "file.txt"
 
 
 def _lines(*frames):
