@@ -43,7 +43,7 @@ def make_folder(folder) -> None:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
-            f"--out {folder}: cannot write there ({why(error)}); choose another folder"
+            f"{folder}: cannot write there ({why(error)}); choose another folder"
         ) from None
 
 
