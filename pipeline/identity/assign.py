@@ -224,10 +224,8 @@ def with_unnamed(frame, track, base, whisker, sure, unnamed_confidence):
     first = whisker.max(initial=-1) + 1
     last = []  # row of each of the new numbers
     unnamed = np.flatnonzero(whisker < 0)
-    if not len(unnamed):  # which would split into one part, of no line
-        return whisker, sure
     unnamed = unnamed[np.lexsort((frame[unnamed], track[unnamed]))]
-    parts = np.split(unnamed, np.flatnonzero(np.diff(track[unnamed])) + 1)
+    parts = np.split(unnamed, np.unique(track[unnamed], return_index=True)[1])[1:]
     least = min(FEWEST_FRAMES, len(np.unique(frame)))
     for rows in sorted((p for p in parts if len(p) >= least), key=lambda p: frame[p[0]]):
         free = [k for k, end in enumerate(last) if frame[end] < frame[rows[0]]]

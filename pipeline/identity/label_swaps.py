@@ -67,9 +67,8 @@ def runs(names, track, frame):
     """
     rows = np.flatnonzero(names < 0)
     rows = rows[np.lexsort((frame[rows], track[rows]))]
-    cut = (np.diff(track[rows]) != 0) | (np.diff(frame[rows]) != 1)
-    inner = np.flatnonzero(cut) + 1
-    return rows, np.concatenate([[0], inner, [len(rows)]]) if len(rows) else np.zeros(1, int)
+    begins = (np.diff(track[rows], prepend=-1) != 0) | (np.diff(frame[rows], prepend=0) != 1)
+    return rows, np.append(np.flatnonzero(begins), len(rows))
 
 
 def _table(evidence, names):
