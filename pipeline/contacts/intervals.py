@@ -19,7 +19,7 @@ FEWEST_HELD = 3  # frames that show a whisker held, and as many beside the conta
 AT_PLACE_SD = 2.0  # from the gap of other contacts, within which a gap is the same
 HIGH_LOAD = 0.5  # of a contact's largest force
 SURELY_SD = 3.0  # standard errors by which the base must be corrected to be contradicted
-PUSH_COLUMNS = "shape_force_N", "shape_force_se_N", "origin_force_se_N"
+PUSH_COLUMNS = "shape_force_N", "shape_force_se_N", "origin_force_se_N", "rest_known"
 
 INTERVAL_COLUMNS = {
     "whisker": str, "onset_frame": int, "offset_frame": int, "probability": float, "side": int,
@@ -135,25 +135,25 @@ def _is_stopped(part, start, stop, spread):
 
 
 def _is_pushed(part, start, stop):
-    """Whether the peak force is above its standard error, or above the forces of free frames.
-
-    Where the rest shape is known and yet no force is, as in the blurred frame of a slip, no push
-    is seen.
-    """
+    """Whether the peak force is above its standard error, or above the forces of free frames."""
     rows = slice(start, stop)
-    if part["rest_known"][rows].any() and not np.isfinite(part["shape_force_N"][rows]).any():
-        return False
     return _pushes(part, rows) or all(
         _stands_out(part, rows, f"{method}_force_N") for method in forces.METHODS
     )
 
 
 def _pushes(part, rows):
-    """Whether the peak force is above its standard error; True where no error is known."""
+    """Whether the peak force is above its standard error.
+
+    Where there is none, it may be if no rest shape is known, but not in the blurred frame of a
+    slip.
+    """
     part = {name: part[name][rows] for name in PUSH_COLUMNS}
     with np.errstate(invalid="ignore"):
         push = part["shape_force_N"] / force_noise(part)
-    return not np.isfinite(push).any() or np.nanmax(push) > LEAST_PEAK_SD
+    if not np.isfinite(push).any():
+        return not part["rest_known"].any()
+    return np.nanmax(push) > LEAST_PEAK_SD
 
 
 def _stands_out(part, rows, column):

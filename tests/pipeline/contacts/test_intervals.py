@@ -185,6 +185,10 @@ def test_a_hidden_touch_counts_where_firm_ones_show_the_place(place, number):
     columns["side"] = side.astype(int)
     found = find_intervals(evidence(**columns), params=DEFAULTS.contacts)
     assert spans(found) == [(FIRST, LAST), (95, 105)][:number]
+    assert all("faint_force" in flags for flags in found["flags"][1:])
+    force[second] = np.nan  # as where no rod can be fitted, though the shape at rest is known
+    again = find_intervals(evidence(**columns), params=DEFAULTS.contacts)
+    pd.testing.assert_series_equal(again["flags"], found["flags"])
 
 
 @pytest.mark.parametrize(
