@@ -2,6 +2,7 @@
 
 import errno
 import os
+from collections import Counter
 from pathlib import Path
 
 NO_ROOM = "make room on that disk and run again; what is finished is kept"
@@ -78,6 +79,13 @@ def need_content(folder, expected: str) -> None:
     folder = Path(folder)
     if folder.is_dir() and all(entry.name.startswith(".") for entry in folder.iterdir()):
         raise InputError(f"{folder}: is an empty folder: expected {expected} in it")
+
+
+def need_distinct(values, problem: str) -> None:
+    """InputError where one of `values` is there twice; `problem` says so, {} stands for it."""
+    for value, count in Counter(values).items():
+        if count > 1:
+            raise InputError(problem.format(value))
 
 
 def in_words(error: Exception | str) -> str:

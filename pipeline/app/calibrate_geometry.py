@@ -2,12 +2,13 @@
 
 import itertools
 import math
+from pathlib import Path
 
 from pipeline.app.case_by_case import each
 from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import measure_geometry
 from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into
-from pipeline.errors import counted, need_content
+from pipeline.errors import counted, need_content, need_distinct
 from pipeline.session.plausibility import doubtful_values
 from pipeline.session.quantities import fields_of, limits_of
 from pipeline.session.schema import WhiskerSettings
@@ -70,11 +71,11 @@ def _sentence(geometry):
 
 
 def _check(images, scale, masses):
-    places = [image.resolve() for image in images]
     for image in images:
         need_content(image, "micrographs, named one by one,")
-        if places.count(image.resolve()) > 1:
-            raise ValueError(f"{image}: is named twice, and its whisker would count as two")
+    need_distinct(
+        map(Path.resolve, images), "{}: is named twice, and its whisker would count as two"
+    )
     given = {option: value for option, value in scale.items() if value is not None}
     if len(given) != 1:
         raise ValueError(

@@ -148,11 +148,9 @@ def _find(paths, out, program):
 
 def _check_names(names, settings):
     """InputError where a name is given twice, or a session.toml has other whiskers only."""
-    from pipeline.errors import InputError
+    from pipeline.errors import InputError, need_distinct
 
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"--names: {name} is there twice; give each whisker its own name")
+    need_distinct(names, "--names: {} is there twice; give each whisker its own name")
     for each in settings:
         known = [whisker.name for whisker in each.whisker]
         unknown = [name for name in names if known and name not in known]
