@@ -41,7 +41,7 @@ def make_results_folder(out) -> None:
         raise InputError(
             f"--out {readable(out)}: its path is not text (a wrong character set?); choose another"
         )
-    make_folder(out)
+    make_folder(out, "--out ")
     if (out / LOG_FILE).exists() or "version" in read_run(out):
         return
     written = set(SESSION_FILES) - {SETTINGS_NAME, PREVIEW_NAME}

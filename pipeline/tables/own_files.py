@@ -37,13 +37,13 @@ ADVICE = {  # on a person's changes of a file of results
 _LISTING = threading.Lock()  # of the threads of `curate`; other programs keep out of the folder
 
 
-def make_folder(folder) -> None:
-    """Make a folder where it is missing; InputError where that cannot be."""
+def make_folder(folder, option="") -> None:
+    """Make a folder where it is missing; InputError, with the `option`, where that cannot be."""
     try:
         Path(folder).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
-            f"{folder}: cannot write there ({why(error)}); choose another folder"
+            f"{option}{folder}: cannot write there ({why(error)}); choose another folder"
         ) from None
 
 
