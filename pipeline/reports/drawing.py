@@ -248,7 +248,7 @@ def _strip(cells, table, settings, view):
     """Frame and time, the scales, and in further lines the whiskers' `cells`."""
     size, full = view.letters, view.shape[1]
     line, edge = line_height(size), size // 2
-    names = [name for name in (table or [words.split()[0] for _, words in cells])]
+    names = table or [words.split()[0] for _, words in cells]
     cell = max((text_width(f"{name} not found", size) for name in names), default=0) + 3 * edge
     columns = max((full - edge) // max(cell + edge, 1), 1)
     height = line * (1 + -(-len(cells) // columns)) + edge

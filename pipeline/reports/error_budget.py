@@ -11,9 +11,8 @@ MIDDLE = 0.7  # of the way to the contact: the taper counts as it does there
 class Assumed(NamedTuple):
     """A quantity whose error no table has: the standard error assumed for it, and why.
 
-    `effect` : change of the peak force in % for 1 % of the quantity, from a column of the
-    contacts;
-        None: from the taper
+    `column` of the contacts is how much the peak force changes for 1 % of it; None: that follows
+    from the taper.
     """
 
     source: str
@@ -107,9 +106,8 @@ def _effect(contacts, item):
 
 
 def _row(source, known, size, share, note):
-    share = share[np.isfinite(share)]
-    low, middle, high = np.percentile(share, [5, 50, 95]) if len(share) else [np.nan] * 3
+    low, middle, high = pd.Series(share).quantile([0.05, 0.5, 0.95])
     spread = {"low": low, "middle": middle, "high": high}
     texts = [f"{100 * v:.1f}" for v in (low, high)]
-    span = f"{'–'.join(texts)} %" if len(share) and texts[0] != texts[1] else ""
+    span = f"{'–'.join(texts)} %" if texts[0] != texts[1] else ""
     return {"source": source, "known": known, "size": size, **spread, "span": span, "note": note}

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pipeline.errors import InputError, in_words, need_content, with_advice
+from pipeline.errors import InputError, need_content, with_advice
 from pipeline.session.results_folders import need_results
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
@@ -48,7 +48,7 @@ def _fault(folder) -> str:
         files.check_parquet(folder / "frames.parquet", FRAME_COLUMNS)
         files.check_parquet(folder / "centrelines.parquet", CENTRELINE_COLUMNS)
     except (OSError, ValueError) as error:
-        return with_advice(error) if isinstance(error, OSError) else in_words(error)
+        return with_advice(error)
     return ""
 
 
@@ -89,11 +89,10 @@ def statistics(contacts: pd.DataFrame) -> dict:
     """The numbers the paper gives of its contacts, keyed as in `PAPER`."""
     out = {("contacts", "number"): len(contacts)}
     for what, column in (("peak force", "peak_force_uN"), ("duration", "duration_ms")):
-        values = contacts[column].dropna().to_numpy()
-        some = len(values) > 0
-        low, middle, high = np.percentile(values, [5, 50, 95]) if some else [np.nan] * 3
+        values = contacts[column]
+        low, middle, high = values.quantile([0.05, 0.5, 0.95])
         out[what, "5 %"], out[what, "median"], out[what, "95 %"] = low, middle, high
-        out[what, "mean"] = values.mean() if some else np.nan
+        out[what, "mean"] = values.mean()
     out["peak force and duration", "r²"] = r_squared(
         contacts["duration_ms"], contacts["peak_force_uN"]
     )
@@ -102,10 +101,7 @@ def statistics(contacts: pd.DataFrame) -> dict:
 
 def r_squared(x, y) -> float:
     """Squared correlation of two columns, NaN with fewer than three pairs."""
-    both = np.isfinite(x) & np.isfinite(y)
-    if both.sum() < 3 or np.ptp(x[both]) == 0 or np.ptp(y[both]) == 0:
-        return np.nan
-    return float(np.corrcoef(x[both], y[both])[0, 1] ** 2)
+    return float(x.corr(y, min_periods=3) ** 2)
 
 
 def fig3_numbers(contacts, true_contacts=None) -> pd.DataFrame:

@@ -97,8 +97,8 @@ class OnsetAverage:
         names = list(self._forces)[:MOST_WHISKERS]
         lines = -(-len(names) // LEGEND_COLUMNS)
         figure, axis = plots.axes(2.7 + LINE_IN * lines, top=0.1 + LINE_IN * lines)
-        for name in names:
-            self._draw_one(axis, name, names)
+        for k, name in enumerate(names):
+            self._draw_one(axis, name, style_of(k))
         axis.axvline(0, color=plots.GREY, lw=0.8, ls=":")
         axis.set(xlabel="time from contact onset (ms)", ylabel="force (µN)",
                  xlim=(-BEFORE_MS, AFTER_MS))  # fmt: skip
@@ -108,21 +108,16 @@ class OnsetAverage:
                     borderaxespad=0.1)  # fmt: skip
         return figure
 
-    def _draw_one(self, axis, name, names):
-        forces = np.array(self._forces[name])
-        known = np.isfinite(forces).sum(axis=0)
-        mean = np.nansum(forces, axis=0) / np.maximum(known, 1)
-        mean[known == 0] = np.nan
-        off = np.nansum((forces - mean) ** 2, axis=0)
-        error = np.sqrt(off / np.maximum(known - 1, 1) / np.maximum(known, 1))
-        colour = style_of(names.index(name)).colour
-        axis.fill_between(self.time_ms, np.maximum(mean - error, 0), mean + error, color=colour,
-                          alpha=0.25, lw=0)  # fmt: skip
+    def _draw_one(self, axis, name, style):
+        forces = pd.DataFrame(self._forces[name])
+        mean, error = forces.mean(), forces.sem().fillna(0.0)  # of one contact
+        axis.fill_between(self.time_ms, np.maximum(mean - error, 0), mean + error,
+                          color=style.colour, alpha=0.25, lw=0)  # fmt: skip
         axis.plot(
             self.time_ms,
             mean,
-            color=colour,
-            ls=style_of(names.index(name)).line,
+            color=style.colour,
+            ls=style.line,
             lw=1.5,
             label=f"{name}, n = {len(forces)}",
         )
