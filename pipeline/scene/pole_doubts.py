@@ -1,9 +1,9 @@
 """Why a round dark disc is no pole: it is at the animal, or part of something larger."""
 
-import cv2
 import numpy as np
 
 from pipeline.scene.circle_fit import Pole, ray_points, rays
+from pipeline.scene.masks import distance_from
 
 OFF_THE_ANIMAL = 5.0  # radii, at least, between a pole's centre and the animal
 OFF_SHARE = 0.04  # of the picture's size, at least: fur reaches so far
@@ -27,17 +27,12 @@ def doubt(pole: Pole, transmission, animal) -> str | None:
     """
     x, y = round(pole.x_px), round(pole.y_px)
     off = max(OFF_THE_ANIMAL * pole.radius_px, OFF_SHARE * np.sqrt(animal.size))
-    if animal.any() and _distance(animal)[y, x] < off:
+    if animal.any() and distance_from(animal)[y, x] < off:
         return "a dark spot, but part of the animal"
     near, middle, far = (_light_around(pole, transmission, animal, r) for r in (NEAR, MIDDLE, FAR))
     if near > FREE_AROUND and far > middle - UNEVEN:
         return None
     return "a round end, but part of something larger"
-
-
-def _distance(mask):
-    """Distance from a mask [px]."""
-    return cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5)
 
 
 def _light_around(pole, transmission, animal, reach) -> float:
