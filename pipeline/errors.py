@@ -128,13 +128,13 @@ def renamed(error: OSError, path) -> OSError:
     return OSError(error.errno, error.strerror or str(error), str(path))
 
 
-def with_advice(error: OSError) -> str:
-    """What the system says is wrong, and what to do.
+def with_advice(error: Exception) -> str:
+    """The message of an error in one line; the system's with what to do.
 
     >>> with_advice(PermissionError(errno.EACCES, "", "a.toml"))
     'a.toml: Permission denied; change its permissions, or choose another place, and run again'
     >>> with_advice(FileNotFoundError(errno.ENOENT, "", "a.csv")).partition("; ")[2]
     'if a disk, folder or file was removed, put it back, and run again'
     """
-    advice = ADVICE.get(error.errno)
-    return f"{why(error)}; {advice}" if advice else why(error)
+    advice = ADVICE.get(getattr(error, "errno", None))
+    return f"{in_words(error)}; {advice}" if advice else in_words(error)

@@ -126,7 +126,7 @@ def _say_pooled(values, say):
 def _say_unlike(radius, say):
     """Doubt a mean of whiskers that are not alike."""
     share = radius.sd / radius.mean
-    if radius.n > 1 and share > UNLIKE:
+    if share > UNLIKE:
         say(
             f"  a mean of unlike whiskers: their base radius varies by {100 * share:.0f} % (SD), "
             "and forces go with its fourth power; write each whisker's own picture into the file, "

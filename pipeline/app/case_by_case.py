@@ -1,6 +1,6 @@
 """What `calibrate` and `export` share: one case after the other, and which whisker is meant."""
 
-from pipeline.errors import InputError, VideoError, in_words, with_advice
+from pipeline.errors import InputError, VideoError, with_advice
 from pipeline.tables.known_names import in_short
 
 
@@ -52,8 +52,7 @@ def each(cases, measure, sentence, say, label=lambda case: "", *, none):
         except InputError:
             raise
         except (ValueError, VideoError, OSError) as error:
-            words = with_advice(error) if isinstance(error, OSError) else in_words(error)
-            faults.append(f"{label(case)}{words}")
+            faults.append(f"{label(case)}{with_advice(error)}")
             say(f"left out: {faults[-1]}")
         else:
             say(sentence(measured[-1]))

@@ -161,8 +161,7 @@ def write_pictures(out, begin=lambda what: None, note=lambda text: None, **known
         except Exception as error:
             note(traceback.format_exc())
             if isinstance(error, (OSError, InputError)):
-                reason = with_advice(error) if isinstance(error, OSError) else error
-                failed.append(f"the {what} could not be made: {reason}")
+                failed.append(f"the {what} could not be made: {with_advice(error)}")
             else:
                 fault = f"{type(error).__name__}: {in_words(error)}"
                 failed.append(f"the {what} could not be made ({fault})")

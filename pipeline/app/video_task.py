@@ -66,10 +66,8 @@ def process_video(task: Task, report=None) -> Outcome:
         return _with_overlay(task, outcome, task.folder / READY, report)
     except VideoError as error:
         return _failed(task, error.problem)
-    except OSError as error:
+    except (OSError, CorrectionsError, InputError) as error:
         return _failed(task, with_advice(error))
-    except (CorrectionsError, InputError) as error:
-        return _failed(task, str(error))
 
 
 def _analyse_and_save(task, report) -> Outcome:

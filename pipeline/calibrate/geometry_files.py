@@ -24,7 +24,7 @@ DEVIATION_SHARE = 0.02  # of the base radius, from which a whisker is said to be
 
 @dataclass(frozen=True)
 class Pooled:
-    """A dimension of several whiskers: mean, SD between whiskers, how many."""
+    """A dimension of several whiskers: mean, SD between whiskers (NaN of one), how many."""
 
     mean: float
     sd: float
@@ -36,11 +36,7 @@ def pooled(geometries, masses=()) -> dict[str, Pooled]:
     table = geometry_table(geometries, masses)
     names = [name for name in table if name != "image" and not name.endswith("_se")]
     return {
-        name: Pooled(
-            float(table[name].mean()),
-            float(table[name].std(ddof=1)) if len(table) > 1 else np.nan,
-            len(table),
-        )
+        name: Pooled(float(table[name].mean()), float(table[name].std()), len(table))
         for name in names
     }
 
