@@ -48,8 +48,8 @@ def render(folder, preset, seed, trials, jobs, progress, say, frames=1000) -> li
         near = difflib.get_close_matches(preset, [*PRESETS, *TWO_VIEWS], 1)
         meant = f" (did you mean {near[0]}?)" if near else ""
         raise ValueError(f"--preset {preset}: no such preset{meant}; expected one of\n{known}")
-    # made first: if this is killed, the same command goes on
-    (Path(folder) / TRUTH).mkdir(parents=True, exist_ok=True)
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    (Path(folder) / TRUTH).mkdir(exist_ok=True)  # if this is killed, the same command goes on
     if preset in TWO_VIEWS:
         say("rendering two views …")
         paths = render_two_views(folder, preset, seed, trials or 2, frames)
