@@ -179,6 +179,12 @@ def sort_over_time(frames: np.ndarray) -> np.ndarray:
     return frames
 
 
+def median_over_time(frames: np.ndarray) -> np.ndarray:
+    """As `np.median` along the first axis, of (k, height, width), many times as fast."""
+    middle = [(len(frames) - 1) // 2, len(frames) // 2]
+    return sort_over_time(frames.copy())[middle].mean(axis=0)
+
+
 @lru_cache
 def _sorting_network(n):
     """Comparators of Batcher's merge exchange sort (Knuth, vol. 3, 5.2.2, algorithm M)."""

@@ -1,21 +1,16 @@
 """Masks of what is dark: opened and dilated by discs, and taken apart into regions.
 
-OpenCV's exact distances give what scikit-image's `isotropic_opening` and `isotropic_dilation` do,
-four times as fast, which short videos notice.
+OpenCV gives what scikit-image's `isotropic_opening` and `isotropic_dilation` do, many times as
+fast, which short videos notice.
 """
 
 import cv2
 import numpy as np
 
 
-def _inside(mask):
-    """Distance [px] of each pixel of a mask from the nearest pixel that is not in it; exact."""
-    return cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-
-
 def distance_from(mask):
     """Distance [px] of each pixel from the nearest one of a mask, 0 in it; exact."""
-    return _inside(~mask)
+    return cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
 
 
 def dilated(mask, radius):
@@ -25,8 +20,9 @@ def dilated(mask, radius):
 
 def opened(mask, radius):
     """What discs of this radius [px] cover that lie within the mask."""
-    centres = _inside(mask) > radius
-    return dilated(centres, radius) if centres.any() else centres
+    off = np.arange(-int(radius), int(radius) + 1) ** 2
+    disc = (off + off[:, None] <= radius**2).astype(np.uint8)
+    return cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, disc) > 0
 
 
 def opened_beyond_border(mask, thinnest_px):

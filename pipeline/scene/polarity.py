@@ -5,6 +5,7 @@ import numpy as np
 
 from pipeline.detection import ridges
 from pipeline.detection.curves import length
+from pipeline.scene.background import median_over_time
 from pipeline.scene.scale import working_scale
 
 THICKEST_MM = 0.4  # thicker lines are no whiskers
@@ -33,7 +34,7 @@ def whiskers_are_bright(frames: np.ndarray, pixels_per_mm: float) -> bool:
     border = np.ones(frames.shape[1:], bool)  # what lies along it may be the camera's doing
     border[size:-size, size:-size] = False
     if len(frames) >= FEWEST_FRAMES:
-        usual = cv2.GaussianBlur(np.median(frames, axis=0).astype(np.float32), (0, 0), 1.0)
+        usual = cv2.GaussianBlur(median_over_time(frames).astype(np.float32), (0, 0), 1.0)
         changes = [_change(each, usual, size) for each in smooth]
         moved = [
             [np.minimum(hat, each) for hat, each in zip(pair, (-change, change), strict=True)]

@@ -16,6 +16,7 @@ from pipeline.detection.curves import length
 from pipeline.detection.image_model import ImageModel, absorbance_image
 from pipeline.detection.static_scene import OUTWARD, StaticScene
 from pipeline.numerics.runs import runs_of_true
+from pipeline.scene.background import median_over_time
 from pipeline.scene.face import SIDES
 from pipeline.scene.virtual_face import values_along
 
@@ -105,7 +106,7 @@ def _whiskers(frames, scene, params, shortest_px, resting=0.0):
     model = ImageModel.from_scene(scene, params)
     step = max(len(frames) // LOOKED_AT, 1)
     dark = np.stack([absorbance_image(each, model, model.gain(each)) for each in frames[::step]])
-    usual = np.median(dark, axis=0)
+    usual = median_over_time(dark)
     found = []
     for image in dark:
         for curve in ridges.curves_of(image, model.noise).each():
