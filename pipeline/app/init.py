@@ -13,10 +13,10 @@ from pipeline.errors import InputError, VideoError, need_folder, why
 from pipeline.numerics.runs import evenly
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import without_pole
-from pipeline.scene.estimate import OTHER_SIZES, find_scenes, survey
+from pipeline.scene.estimate import OTHER_SIZES, find_scenes, still_states, survey
 from pipeline.scene.pole_search import SURE
 from pipeline.scene.preparation import prepare_video
-from pipeline.scene.scale import FIELD_MM, scale_of
+from pipeline.scene.scale import FIELD_MM, scale_of, working_scale
 from pipeline.session.input_settings import PREVIEW_NAME, SETTINGS_NAME, check_settings_name
 from pipeline.session.inputs import find_inputs
 from pipeline.session.parameters import DEFAULTS
@@ -173,11 +173,16 @@ def _scene_and_scale(look):
     several scales, the one most similar to a pole's end is the pole; no more are tried once one
     surely is.
     """
-    usual, first, best = _usual_scale(look.video), None, None
+    usual, first, best, known = _usual_scale(look.video), None, None, {}
     for factor in (1.0, *OTHER_SIZES):
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
-        seen = survey(look, recording)
-        epochs = find_scenes(look.video, recording, 1e-3 * POLE_DIAMETER_MM, seen=seen)
+        scale = working_scale(look.video.shape, recording.pixels_per_mm)
+        if scale not in known:
+            seen = survey(look, recording)
+            known[scale] = seen, still_states(seen, recording, DEFAULTS)
+        seen, still = known[scale]
+        pole = 1e-3 * POLE_DIAMETER_MM
+        epochs = find_scenes(look.video, recording, pole, seen=seen, still=still)
         scene, frames = _typical_frames(look.video, seen, epochs)
         first = first or (replace(scene, pole=None), frames, usual)
         if scene.pole is None or _is_passed_over(scene, frames):

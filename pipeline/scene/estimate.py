@@ -1,6 +1,7 @@
 """The static scene of a video: background, face, pole, obstacles."""
 
-from functools import partial
+from dataclasses import replace
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
@@ -52,6 +53,7 @@ def find_scenes(
     pole_xy=None,
     seen: Survey | None = None,
     params: Parameters = DEFAULTS,
+    still=None,
 ) -> tuple[Epoch, ...]:
     """Find what does not move in a video, in each period between movements of large things.
 
@@ -63,6 +65,7 @@ def find_scenes(
     pole_xy : (x, y) [px] of the pole where session.toml gives it
     seen : the video's `survey`; made where it is not given
     params : the parameters of all rooms
+    still : `still_states` of the survey, where several poles are looked for; found if not given
 
     Returns
     -------
@@ -76,12 +79,10 @@ def find_scenes(
     """
     _check_place(video, pole_xy)
     seen = seen or survey(prepare_video(video, recording.pixels_per_mm), recording, params.scene)
-    states, frames = seen.settled()
-    pole = pole_diameter_m, pole_xy
-    n_frames = video.n_frames or 1
-    scenes = [
-        _scene_of_part(seen.part, some, recording, pole, n_frames, params) for some in frames
-    ]
+    states, parts = still or still_states(seen, recording, params)
+    pole = _radius_px(pole_diameter_m, recording), _within(seen.part, pole_xy)
+    found = [each.scene(*pole, video.n_frames or 1) for each in parts]
+    scenes = found if seen.part is None else [seen.part.whole(each) for each in found]
     settled = round(params.scene.settled_s * recording.frames_per_second)
     parts = periods(video, seen, states, [_pole_check(scene) for scene in scenes], settled)
     return tuple(
@@ -90,16 +91,24 @@ def find_scenes(
     )
 
 
-def _scene_of_part(part, frames, recording, pole, n_frames, params):
-    """As `scene_from_frames`, of the part of the picture that is looked at; None: of all."""
-    if part is None:
-        return scene_from_frames(frames, recording, *pole, n_frames, params)
-    diameter, place = pole
-    if place is not None:
-        place = place[0] - part.corner[0], place[1] - part.corner[1]
-    scale = working_scale(part.used.shape, recording.pixels_per_mm)
-    cut = part.cut(frames)
-    return part.whole(scene_from_frames(cut, recording, diameter, place, n_frames, params, scale))
+def still_states(seen: Survey, recording: Recording, params: Parameters):
+    """Of each of a survey's samples its state, int (k,); what stands still in each state."""
+    states, frames = seen.settled()
+    scale = working_scale(frames[0].shape[1:], recording.pixels_per_mm)
+    cut = frames if seen.part is None else [seen.part.cut(some) for some in frames]
+    return states, [StillState(some, recording.face, scale, params) for some in cut]
+
+
+def _radius_px(pole_diameter_m, recording):
+    """Radius of the pole [px], None where there is none."""
+    return None if pole_diameter_m is None else 0.5e3 * pole_diameter_m * recording.pixels_per_mm
+
+
+def _within(part, xy):
+    """A place (x, y) as in the part of the picture that is looked at; None: in all of it."""
+    if part is None or xy is None:
+        return xy
+    return xy[0] - part.corner[0], xy[1] - part.corner[1]
 
 
 def _check_place(video, pole_xy):
@@ -123,46 +132,69 @@ def _pole_check(scene):
 
 
 def scene_from_frames(
-    frames,
-    recording: Recording,
-    pole_diameter_m=0.5e-3,
-    pole_xy=None,
-    n_frames: int = 1,
-    params: Parameters = DEFAULTS,
-    scale: float | None = None,
+    frames, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None, n_frames: int = 1
 ) -> StaticScene:
-    """The scene of a few frames, uint8 (k, height, width), in which only whiskers move.
+    """The scene of a few frames, uint8 (k, height, width), in which only whiskers move."""
+    scale = working_scale(frames.shape[1:], recording.pixels_per_mm)
+    still = StillState(frames, recording.face, scale, DEFAULTS)
+    return still.scene(_radius_px(pole_diameter_m, recording), pole_xy, n_frames)
 
-    `scale`: for lengths in the scene [px/mm]; that of the picture where it is not given.
+
+class StillState:
+    """What stands still in a few frames in which only whiskers move: face, background.
+
+    Parameters
+    ----------
+    frames : uint8 (k, height, width)
+    face : side of the face; None: find it
+    scale : for lengths in the scene [px/mm]
+    params : the parameters of all rooms
     """
-    scale = scale or working_scale(frames.shape[1:], recording.pixels_per_mm)
-    background, own = estimate_background(frames, scale, params.scene), params.scene
-    transmission = background.transmission
-    side, face, animal, likelier = _face(background, frames, recording.face, scale, params)
-    pole, refused = None, ()
-    if pole_diameter_m is not None:
-        radius_px = 0.5e3 * pole_diameter_m * recording.pixels_per_mm
-        pole, refused = _pole(background, frames, radius_px, pole_xy, (face, animal))
-    obstacles = find_obstacles(transmission, face, pole, scale, own)
-    disc = _disc(pole, face.shape)
-    # a whisker may end on the body: that, with its fringe, is no thing of which it could be part
-    things = _apart_from(obstacles & ~dilated(animal, fringe_px(scale)), disc)
-    light = without_whiskers(background, face, scale, own, animal.any(), disc, things)
-    return StaticScene(
-        background=light,
-        noise_gain=background.noise_gain,
-        noise_floor=background.noise_floor,
-        face_mask=face,
-        obstacle_mask=obstacles,
-        pole=_constant_track(pole, n_frames),
-        face_side=side,
-        noise_excess=noise_excess(background, frames, obstacles, face),
-        likelier_side=likelier,
-        refused_poles=refused,
-        moving_fur=moving_fur(light, frames, face | obstacles, scale, own),
-        face_seen=bool(animal.any()),
-        pole_likeness=0.0 if pole is None else likeness(pole),
-    )
+
+    def __init__(self, frames, face: str | None, scale: float, params: Parameters):
+        self.frames, self.scale, self.params = frames, scale, params
+        self.background = estimate_background(frames, scale, params.scene)
+        self.side, self.face, self.animal, self.likelier = _face(
+            self.background, frames, face, scale, params
+        )
+
+    def scene(self, radius_px: float | None, pole_xy=None, n_frames: int = 1) -> StaticScene:
+        """The scene, with the pole if there is one of about this radius; None: there is none."""
+        if radius_px is None:
+            return self._without_pole
+        masks = self.face, self.animal
+        pole, refused = _pole(self.background, self.frames, radius_px, pole_xy, masks)
+        if pole is None:
+            return replace(self._without_pole, refused_poles=refused)
+        return self._with(pole, n_frames)
+
+    @cached_property
+    def _without_pole(self):
+        return self._with(None)
+
+    def _with(self, pole, n_frames=1) -> StaticScene:
+        background, face, animal, scale = self.background, self.face, self.animal, self.scale
+        own = self.params.scene
+        obstacles = find_obstacles(background.transmission, face, pole, scale, own)
+        disc = _disc(pole, face.shape)
+        # a whisker may end on the body: that, with its fringe, is no thing of which it could be
+        # part
+        things = _apart_from(obstacles & ~dilated(animal, fringe_px(scale)), disc)
+        light = without_whiskers(background, face, scale, own, animal.any(), disc, things)
+        return StaticScene(
+            background=light,
+            noise_gain=background.noise_gain,
+            noise_floor=background.noise_floor,
+            face_mask=face,
+            obstacle_mask=obstacles,
+            pole=_constant_track(pole, n_frames),
+            face_side=self.side,
+            noise_excess=noise_excess(background, self.frames, obstacles, face),
+            likelier_side=self.likelier,
+            moving_fur=moving_fur(light, self.frames, face | obstacles, scale, own),
+            face_seen=bool(animal.any()),
+            pole_likeness=0.0 if pole is None else likeness(pole),
+        )
 
 
 def _pole(background, frames, radius_px, pole_xy, masks):
