@@ -188,10 +188,10 @@ class Seen:
     other_pole: Pole | None = None
 
 
-def look_at(video, settings):
+def look_at(video, settings, prepared=None):
     """The video, steadied or as its negative if need be; its `Survey`, and its epochs.
 
-    Epochs say what stands still, and until when.
+    Epochs say what stands still, and until when. `prepared`: as `prepare_video` gives, if known.
     """
     if min(video.shape) < LEAST_PX:
         raise VideoError(
@@ -201,7 +201,7 @@ def look_at(video, settings):
             0,
         )
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced
-    prepared = prepare_video(video, recording.pixels_per_mm, settings.image)
+    prepared = prepared or prepare_video(video, settings.image)
     seen, video = survey(prepared, recording, params.scene), prepared.video
     epochs = find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)
     return video, seen, epochs

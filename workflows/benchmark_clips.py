@@ -139,7 +139,7 @@ def trace(clip: Clip, path=None):
     recording = settings.recording.si()
     with open_video(path or clip.path) as video:
         diameter = settings.pole.diameter if clip.trial.scene.pole else None
-        look = prepare_video(video, recording.pixels_per_mm)
+        look = prepare_video(video)
         seen = estimate.survey(look, recording)
         epochs = estimate.find_scenes(video, recording, diameter, seen=seen)
         whisker_set = find_whisker_set(*seen.sample(template_frames(settings)), epochs, settings)

@@ -2,15 +2,18 @@
 
 import os
 from collections import Counter, defaultdict
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from pipeline import run
 from pipeline.app.preview import preview_of, write_preview
 from pipeline.detection.static_scene import StaticScene
 from pipeline.errors import InputError, VideoError, need_folder, why
 from pipeline.numerics.runs import evenly
+from pipeline.run import Seen, find_whiskers
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import without_pole
 from pipeline.scene.estimate import OTHER_SIZES, find_scenes, still_states, survey
@@ -23,11 +26,9 @@ from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, session_text, settings_from
 from pipeline.tables import whole_files
-from pipeline.tracking.registry import find_templates
 from pipeline.tracking.snout import snout_of
 from pipeline.tracking.two_sides import counted_names, names_by_side
-from pipeline.tracking.whisker_evidence import whisker_like
-from pipeline.tracking.whiskers import TEMPLATE_FRAMES, options_for_picture
+from pipeline.tracking.whiskers import TEMPLATE_FRAMES, tracing_options
 from pipeline.video.open import open_video
 
 LOOKED_AT = 3  # videos
@@ -40,13 +41,16 @@ class Look:
     """What was found in one video: what stands still, the scale, and names for the whiskers.
 
     `snout` is the picture's side that it is nearest to, None where both sides of a face are seen.
+    `seen` is what `run` sees with the settings in `document`.
     """
 
     path: Path
     scene: StaticScene
     pixels_per_mm: float
-    names: tuple[str, ...]
+    names: tuple[str, ...] = ()
     snout: str | None = None
+    document: dict | None = None
+    seen: Seen | None = None
 
     @property
     def size(self) -> tuple[int, int]:
@@ -88,10 +92,13 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     if config is not None or (target.exists() and not overwrite):
         return _show(folder, Path(config or target), say)
     check_settings_name(folder)
-    looks = _look_at_some(folder, look_at, say)
-    document, notes = findings(looks)
-    shown = max(looks, key=lambda name: len(looks[name].names))
-    preview = preview_of(looks[shown].path, settings_from(document, target))
+    with ExitStack() as opened:
+        looks = _look_at_some(folder, lambda path: look_at(path, opened), say)
+        document, notes = findings(looks)
+        shown = max(looks, key=lambda name: len(looks[name].names))
+        look = looks[shown]
+        seen = look.seen if look.document == document else None
+        preview = preview_of(look.path, settings_from(document, target), seen)
     document["whisker"] = [{"name": name} for name in preview.names]
     settings = settings_from(document, target)
     old = whole_files.replace_text(target, session_text(settings, notes))
@@ -144,30 +151,32 @@ def called_apart(paths) -> list[str]:
     return [path.relative_to(base).as_posix() for path in paths]
 
 
-def look_at(path) -> Look:
-    """Find face, pole, scale and whiskers in one video."""
-    with open_video(path) as video:
-        scene, sample, scale = _scene_and_scale(prepare_video(video, _usual_scale(video)))
-    recording = Recording(FRAMES_PER_SECOND, scale, scene.face_side)
-    options = options_for_picture(recording, sample.shape[1:], DEFAULTS)
-    templates = find_templates(sample, scene, options)
-    seen = len(sample), sample.shape[1:]
-    likely, _ = whisker_like(templates, *seen, unseen_face=scene.unseen_face)
-    if not likely:
-        scene, scale = without_pole(scene), _usual_scale(video)
-    names = counted_names(likely, scene.face_side, options)
-    on_two_sides = names_by_side(names, scene.face_side)
-    snout = None if on_two_sides else snout_of(likely, scene.face_side)
-    return Look(Path(path), scene, scale, names, snout)
+def look_at(path, opened: ExitStack | None = None) -> Look:
+    """Find face, pole, scale and whiskers in one video, which stays open as long as `opened`."""
+    with ExitStack() as here:
+        video = (opened or here).enter_context(open_video(path))
+        prepared = prepare_video(video)
+        scene, scale = _scene_and_scale(prepared)
+        look = Look(Path(path), scene, scale)
+        settings = settings_from(findings({look.path.name: look})[0])
+        seen = find_whiskers(*run.look_at(video, settings, prepared), settings)
+    likely, side = seen.whisker_set.templates, scene.face_side
+    names = counted_names(likely, side, tracing_options(settings, video.shape))
+    snout = None if names_by_side(names, side) else snout_of(likely, side)
+    look = replace(look, names=names, snout=snout, seen=seen)
+    look = replace(look, document=findings({look.path.name: look})[0])
+    if likely:
+        return look
+    return replace(look, scene=without_pole(scene), pixels_per_mm=_usual_scale(video))
 
 
 def _usual_scale(video) -> float:
     """Pixels per mm where the picture shows as much as is usual."""
-    return scale_of(video.shape, FIELD_MM)
+    return round(scale_of(video.shape, FIELD_MM), 2)
 
 
 def _scene_and_scale(look):
-    """The typical scene, frames of it, and the scale [px/mm].
+    """The typical scene, and the scale [px/mm].
 
     The scale is from the pole's thickness, or else from the image's size. Of discs found at
     several scales, the one most similar to a pole's end is the pole; no more are tried once one
@@ -184,11 +193,11 @@ def _scene_and_scale(look):
         pole = 1e-3 * POLE_DIAMETER_MM
         epochs = find_scenes(look.video, recording, pole, seen=seen, still=still)
         scene, frames = _typical_frames(look.video, seen, epochs)
-        first = first or (replace(scene, pole=None), frames, usual)
+        first = first or (replace(scene, pole=None), usual)
         if scene.pole is None or _is_passed_over(scene, frames):
             continue
         if best is None or scene.pole_likeness > best[0].pole_likeness:
-            best = scene, frames, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
+            best = scene, 2 * scene.pole.radius_px / POLE_DIAMETER_MM
         if scene.pole_likeness > SURE:
             break
     return best or first

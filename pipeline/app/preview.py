@@ -1,5 +1,6 @@
 """A picture of what the settings in force find in a video, with the names that a run gives."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -14,7 +15,7 @@ from pipeline.reports.drawing import INK, PAPER, SHIFT, View, name_boxes
 from pipeline.reports.lettering import line_height, put_text
 from pipeline.reports.overlay import write_png
 from pipeline.reports.whisker_styles import DARKEST, pieces, whisker_styles
-from pipeline.run import find_whiskers, look_at, trace
+from pipeline.run import Seen, find_whiskers, look_at, trace
 from pipeline.scene.epochs import numbers_at
 from pipeline.scene.picture_part import part_of
 from pipeline.session.schema import Settings
@@ -78,11 +79,16 @@ class Preview:
         return [found, *self.doubts]
 
 
-def preview_of(path, settings: Settings) -> Preview:
-    """Look at a video as `run` does, and follow the whiskers through a stretch of it."""
+def preview_of(path, settings: Settings, seen: Seen | None = None) -> Preview:
+    """Look at a video as `run` does, and follow the whiskers through a stretch of it.
+
+    `seen`: what is seen in the video with these settings, if that is known, and it is open.
+    """
     settings = settings.without_bare_whiskers()
-    with open_video(path) as video:
-        seen = find_whiskers(*look_at(video, settings), settings)
+    with ExitStack() as opened:
+        if seen is None:
+            video = opened.enter_context(open_video(path))
+            seen = find_whiskers(*look_at(video, settings), settings)
         video, whisker_set = seen.video, seen.whisker_set
         start, scene = _stretch(seen)
         stretch = list(islice(video.frames(start), STRETCH))

@@ -78,7 +78,7 @@ def find_scenes(
         If `pole_xy` is outside of the picture.
     """
     _check_place(video, pole_xy)
-    seen = seen or survey(prepare_video(video, recording.pixels_per_mm), recording, params.scene)
+    seen = seen or survey(prepare_video(video), recording, params.scene)
     states, parts = still or still_states(seen, recording, params)
     pole = _radius_px(pole_diameter_m, recording), _within(seen.part, pole_xy)
     found = [each.scene(*pole, video.n_frames or 1) for each in parts]

@@ -12,6 +12,7 @@ from pipeline.numerics.runs import evenly
 from pipeline.scene.changing_light import usual_light
 from pipeline.scene.picture_part import PicturePart, part_of, within_margins
 from pipeline.scene.polarity import whiskers_are_bright
+from pipeline.scene.scale import FIELD_MM, scale_of
 from pipeline.scene.shake import still_of
 from pipeline.session.image import ImageSettings
 from pipeline.video.base import Video
@@ -41,15 +42,12 @@ class PreparedVideo:
     frames: np.ndarray
 
 
-def prepare_video(
-    video, pixels_per_mm: float, image: ImageSettings | None = None
-) -> PreparedVideo:
+def prepare_video(video, image: ImageSettings | None = None) -> PreparedVideo:
     """Prepare a video for the analysis, by some frames of all of it.
 
     Parameters
     ----------
     video : pipeline.video.open.Video
-    pixels_per_mm : scale of the picture
     image : the settings in [image]; what is not given there is found
 
     Raises
@@ -71,7 +69,8 @@ def prepare_video(
     bright = image.polarity == "bright"
     if image.polarity is None:
         few = _shown(part, _few(frames))
-        bright = whiskers_are_bright(few if part is None else part.cut(few), pixels_per_mm)
+        scale = scale_of(video.shape, FIELD_MM)
+        bright = whiskers_are_bright(few if part is None else part.cut(few), scale)
     if bright:
         video, frames = Negative(video), np.invert(frames)
     return PreparedVideo(video, part, indices, frames)

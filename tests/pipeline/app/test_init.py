@@ -62,7 +62,7 @@ def test_the_scale_is_from_the_disc_most_similar_to_a_pole():
         0, 1.5, (24, *SHAPE)
     )
     with open_video(np.rint(noisy).astype(np.uint8)) as video:
-        scene, _, scale = _scene_and_scale(prepare_video(video, 14.0))
+        scene, scale = _scene_and_scale(prepare_video(video))
     assert (scene.pole.x_px[0], scene.pole.y_px[0]) == pytest.approx(where, abs=0.2)
     assert scale * POLE_DIAMETER_MM == pytest.approx(2 * radius, abs=0.5)
 

@@ -36,10 +36,10 @@ def test_settings_have_the_names_in_the_picture_of_the_video_with_most_whiskers(
     for name in seen:
         (tmp_path / name).write_bytes(b"video")
     monkeypatch.setattr(
-        init, "look_at", lambda path: init.Look(path, SCENE, 10.0, seen[Path(path).name])
+        init, "look_at", lambda path, opened: init.Look(path, SCENE, 10.0, seen[Path(path).name])
     )
     drawn = ("w1", "w2", "w3")  # when followed, more whiskers are seen than at first sight
-    monkeypatch.setattr(init, "preview_of", lambda path, settings: preview(path, drawn))
+    monkeypatch.setattr(init, "preview_of", lambda path, settings, seen: preview(path, drawn))
     said = "\n".join(init.init_folder(tmp_path))
     assert [each.name for each in read_session(tmp_path / "session.toml").whisker] == [*drawn]
     assert "b.avi is in the picture" in said
@@ -53,13 +53,13 @@ def test_a_video_that_cannot_be_read_is_left_out_and_named(tmp_path, monkeypatch
     (tmp_path / "b.avi").write_bytes(b"video")
     said = []
 
-    def look_at(path):
+    def look_at(path, opened):
         if Path(path).name == "a.avi":
             raise VideoError(path, "it is a text file")
         return init.Look(path, SCENE, 10.0, ("w1",))
 
     monkeypatch.setattr(init, "look_at", look_at)
-    monkeypatch.setattr(init, "preview_of", lambda path, settings: preview(path, ("w1",)))
+    monkeypatch.setattr(init, "preview_of", lambda path, settings, seen: preview(path, ("w1",)))
     (looked, *_) = init.init_folder(tmp_path, say=said.append)
     assert f"left out: {tmp_path / 'a.avi'}: it is a text file" in said
     assert "a.avi" not in looked

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from turning_whiskers import HEIGHT, SCALE, WIDTH, grey, turning_whiskers
+from turning_whiskers import HEIGHT, WIDTH, grey, turning_whiskers
 
 from pipeline.scene.changing_light import UsualLight, usual_light
 from pipeline.scene.preparation import prepare_video
@@ -34,7 +34,7 @@ def change(frames):
 def test_a_shadow_that_moves_is_taken_out(depth, width, direction):
     steady = turning_whiskers(N_FRAMES)
     frames = grey(steady * shadows(N_FRAMES, depth, width, direction))
-    look = prepare_video(ArrayVideo(frames), SCALE)
+    look = prepare_video(ArrayVideo(frames))
     assert change(look.frames) < min(0.2 * change(frames), 0.01)
     np.testing.assert_array_equal(np.stack(list(look.video.frames())), look.frames)
 

@@ -33,7 +33,7 @@ class Counted(ArrayVideo):
 @pytest.mark.parametrize("bright", [False, True])
 def test_a_margin_says_nothing_of_polarity_and_is_left_out(grey, bright):
     frames = np.pad(whiskers(), ((0, 0), (MARGIN, MARGIN), (MARGIN, MARGIN)), constant_values=grey)
-    look = prepare_video(ArrayVideo(255 - frames if bright else frames), SCALE)
+    look = prepare_video(ArrayVideo(255 - frames if bright else frames))
     np.testing.assert_array_equal(look.frames, frames[look.indices])
     assert not look.part.used[:MARGIN].any()
 
@@ -42,7 +42,7 @@ def test_a_short_video_is_read_once_for_all_that_stands_still():
     video = Counted(np.pad(255 - whiskers(), ((0, 0), (MARGIN, MARGIN), (0, 0))))
     start = video.read.copy()  # the first frame's size
     recording = Recording(1000.0, SCALE, "left")
-    look = prepare_video(video, SCALE)
+    look = prepare_video(video)
     find_scenes(look.video, recording, seen=survey(look, recording))
     assert (video.read - start).max() == 1
 
@@ -50,5 +50,5 @@ def test_a_short_video_is_read_once_for_all_that_stands_still():
 def test_of_black_frames_one_is_looked_at():
     frames = whiskers()
     frames[:10] = 0
-    assert prepare_video(ArrayVideo(frames), SCALE).indices.min() >= 10
-    assert len(prepare_video(ArrayVideo(np.zeros_like(frames)), SCALE).frames) == 1
+    assert prepare_video(ArrayVideo(frames)).indices.min() >= 10
+    assert len(prepare_video(ArrayVideo(np.zeros_like(frames))).frames) == 1
