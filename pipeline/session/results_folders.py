@@ -27,6 +27,7 @@ SESSION_FILES = (
     PREVIEW_NAME,
 )
 RESERVED_NAMES = (*RESULT_FOLDERS, *SESSION_FILES)  # no video's results folder may be called so
+LONGEST = 230  # bytes of a new name: of a file's 255, with what files made of it are called by
 LEFT_OVER = ("corrections.csv", "frames.parquet")  # these mark a video's folder without record
 UNSAFE = re.compile(r"[/\\\x00-\x1f\x7f]")  # path separators, control characters
 
@@ -57,7 +58,7 @@ def make_results_folder(out) -> None:
 def results_folders(inputs, out, planned=()) -> dict:
     """Give each input the name of its results folder in `out`, distinct for distinct inputs.
 
-    The name is the stem, made safe; where two inputs share one (whatever the case of its
+    The name is the stem, made safe and cut to LONGEST; where two inputs share one (whatever the case of its
     letters) or something else has it, the later becomes stem_2, stem_3, … An input keeps the
     folder that an earlier run gave it, also where it has been moved or renamed since.
 
@@ -165,7 +166,8 @@ def _is_left_over(folder) -> bool:
 def _stem(path) -> str:
     """Name for results of `path`; the folder's own name where the path is `.`."""
     path = path if path.name not in ("", "..") else path.resolve()
-    name = _safe_name(readable(path.name if path.is_dir() else path.stem))
+    name = readable(path.name if path.is_dir() else path.stem)
+    name = _safe_name(name.encode()[:LONGEST].decode(errors="ignore"))
     return f"_{name}" if name.startswith(FORMULA) else name
 
 

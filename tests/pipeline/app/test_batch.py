@@ -741,6 +741,18 @@ def test_names_that_a_disk_may_take_for_one_have_distinct_folders(folder, calls,
     )
 
 
+def test_a_very_long_name_leaves_room_for_those_of_files_made_of_the_video(folder, calls, out):
+    for k, name in enumerate([251 * "y", 248 * "y" + "zzz", 83 * "鼠"]):
+        (folder / f"{name}.avi").write_bytes(bytes([k]))
+    for _ in range(2):
+        batch.run([folder], out)
+        assert len(calls) == 5
+    names = statuses(out)
+    for name in names:
+        (out / f"{name}.measurements").touch()  # none of them has a longer ending
+    assert set(names) == {"a", "b", 230 * "y", f"{230 * 'y'}_2", 76 * "鼠"}
+
+
 def test_where_a_record_is_lost_no_other_video_gets_the_corrections(folder, calls, tmp_path):
     out, other = tmp_path / "results", tmp_path / "other"
     batch.run([folder], out)
