@@ -47,6 +47,8 @@ def _read_csv(path) -> KeyPoints:
     try:
         table = pd.read_csv(path)
         check_separator(table.columns)
+        if not isinstance(table.index, pd.RangeIndex):  # pandas takes the first ones for names
+            raise ValueError("its rows have more values than names on top: decimal commas?")
         missing = [name for name in ("track", "frame_idx") if name not in table]
         if missing:
             raise ValueError(f"no column {missing[0]}")
