@@ -94,6 +94,13 @@ def test_a_table_of_lines_gives_the_same_contacts(analysis):
     )
 
 
+def test_a_pole_may_be_given_in_plain_numbers(analysis):
+    x, y = float(analysis.pole.x_px[0]), float(analysis.pole.y_px[0])
+    for pole in (PoleTrack(x, y, 6.25), PoleTrack([x], [y], 6.25)):
+        found = analyse_lines(analysis.centrelines, analysis.settings, pole)
+        assert len(found.contacts) == len(analysis.contacts)
+
+
 def test_saved_tables_are_those_of_the_analysis(analysis, tmp_path):
     folder = analysis.save(tmp_path / "new" / "trial")
     pd.testing.assert_frame_equal(

@@ -11,12 +11,16 @@ OUTWARD = {"left": (1, 0), "right": (-1, 0), "top": (0, 1), "bottom": (0, -1)}  
 class PoleTrack:
     """The pole's centre in every frame, NaN while it is not in view, and its radius [px].
 
-    `x_px`, `y_px` are float64 (frames,).
+    `x_px`, `y_px` are float64 (frames,), also of lists or of one number.
     """
 
     x_px: np.ndarray
     y_px: np.ndarray
     radius_px: float
+
+    def __post_init__(self):
+        for axis in ("x_px", "y_px"):
+            object.__setattr__(self, axis, np.array(getattr(self, axis), float, ndmin=1))
 
     def at(self, frame):
         """Centre x, y [px] in frames of these numbers; the last place holds on."""
