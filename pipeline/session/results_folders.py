@@ -58,9 +58,9 @@ def make_results_folder(out) -> None:
 def results_folders(inputs, out, planned=()) -> dict:
     """Give each input the name of its results folder in `out`, distinct for distinct inputs.
 
-    The name is the stem, made safe and cut to LONGEST; where two inputs share one (whatever the case of its
-    letters) or something else has it, the later becomes stem_2, stem_3, … An input keeps the
-    folder that an earlier run gave it, also where it has been moved or renamed since.
+    The name is the stem, made safe and cut to LONGEST; where two inputs share one (whatever the
+    case of its letters) or something else has it, the later becomes stem_2, stem_3, … An input
+    keeps the folder that an earlier run gave it, also where it has been moved or renamed since.
 
     planned : names that other videos will have
     """

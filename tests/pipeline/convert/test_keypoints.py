@@ -168,7 +168,7 @@ def test_a_sleap_table_with_decimal_commas_says_so(tmp_path, lines):
     table = sleap_table(several(("a",))).to_csv(index=False).splitlines()
     table[lines] = [line.replace(".", ",") for line in table[lines]]
     (tmp_path / "a.csv").write_text("\n".join(table))
-    with pytest.raises(InputError, match="a.csv: .* more values than names on top: decimal comm"):
+    with pytest.raises(InputError, match=r"a.csv: .* more values than names on top: decimal comm"):
         read_sleap(tmp_path / "a.csv")
 
 
