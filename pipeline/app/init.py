@@ -172,7 +172,7 @@ def look_at(path, opened: ExitStack | None = None) -> Look:
 
 def _usual_scale(video) -> float:
     """Pixels per mm where the picture shows as much as is usual."""
-    return round(scale_of(video.shape, FIELD_MM), 2)
+    return scale_of(video.shape, FIELD_MM)
 
 
 def _scene_and_scale(look):

@@ -10,6 +10,7 @@ from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.tracing_options import TracingOptions
+from pipeline.numerics.robust import column_medians
 from pipeline.scene.epochs import as_epochs, numbers_at
 from pipeline.tables.centrelines import Centrelines
 from pipeline.tracking import hairs, line_ends, matching
@@ -72,9 +73,7 @@ class _Group:
     @cached_property
     def signature(self):
         """Median of its lines' signatures, NaN where none of them shows a part."""
-        every = np.array(self.signatures)
-        seen = np.isfinite(every).any(axis=0)
-        return np.where(seen, np.nanmedian(np.where(seen, every, 0.0), axis=0), np.nan)
+        return column_medians(np.array(self.signatures))
 
     @property
     def base(self):
