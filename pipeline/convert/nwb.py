@@ -151,7 +151,7 @@ def _add_courses(pynwb, module, video):
             unit, factor = SI[column.unit]
             courses.add_timeseries(
                 pynwb.TimeSeries(
-                    name=f"{whisker}_{_without_unit(column.name)}".replace("/", "_"),
+                    name=re.sub("[/:]", "_", f"{whisker}_{_without_unit(column.name)}"),
                     description=f"whisker {whisker}: {column.meaning}",
                     data=table[column.name].to_numpy(float) * factor,
                     unit=unit,

@@ -58,6 +58,15 @@ def test_everything_reads_back_equal(written):
         assert nwb.get_scratch("session_toml") == session_text(video.settings)
 
 
+def test_a_name_may_have_letters_that_the_format_has_not(videos, tmp_path):
+    video = replace(videos[0])
+    video.__dict__["frames"] = videos[0].frames.assign(whisker="left: C/2")
+    (path,) = write_nwb(tmp_path, video, START)
+    with read(path) as file:
+        series = file.read().processing["behavior"]["whiskers"].time_series
+        assert series["left_ C_2_base_angle"].description.startswith("whisker left: C/2: ")
+
+
 def test_centrelines_and_pole_read_back_equal(written):
     path, video = written
     with read(path) as file:
