@@ -8,12 +8,14 @@ from pathlib import Path
 NO_ROOM = "make room on that disk and run again; what is finished is kept"
 TOO_LARGE = "that disk, or the system, takes no file so large: choose another place"
 GONE = "if a disk, folder or file was removed, put it back, and run again"
+TOO_LONG = "shorten that name, or the name of what it is made of, and run again"
 NOT_ALLOWED = "change its permissions, or choose another place, and run again"
 ADVICE = {  # by the system's number of an error
     errno.ENOSPC: NO_ROOM,
     getattr(errno, "EDQUOT", errno.ENOSPC): NO_ROOM,
     errno.EFBIG: TOO_LARGE,
     errno.ENOENT: GONE,
+    errno.ENAMETOOLONG: TOO_LONG,
     errno.EACCES: NOT_ALLOWED,
     errno.EPERM: NOT_ALLOWED,
     errno.EROFS: NOT_ALLOWED,
@@ -135,6 +137,8 @@ def with_advice(error: Exception) -> str:
     'a.toml: Permission denied; change its permissions, or choose another place, and run again'
     >>> with_advice(FileNotFoundError(errno.ENOENT, "", "a.csv")).partition("; ")[2]
     'if a disk, folder or file was removed, put it back, and run again'
+    >>> with_advice(OSError(errno.ENAMETOOLONG, "", "film_profile.csv")).partition("; ")[2]
+    'shorten that name, or the name of what it is made of, and run again'
     """
     advice = ADVICE.get(getattr(error, "errno", None))
     return f"{in_words(error)}; {advice}" if advice else in_words(error)
