@@ -74,8 +74,8 @@ def named_slips(results, places) -> list[Slip]:
     contacts, videos = _read(results)
     slips = []
     for place in places:
-        *names, frame = place.split(":")
-        if not frame.strip().isdigit() or len(names) > 2:
+        *names, frame = place.rsplit(":", 2)  # a video may have colons in its name
+        if not frame.strip().isdigit():
             raise ValueError(
                 f"--frames {place}: expected VIDEO:WHISKER:FRAME, or FRAME where there is one "
                 "video and whisker; the first frame in which the whisker is free"

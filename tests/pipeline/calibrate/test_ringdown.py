@@ -190,9 +190,16 @@ def test_frames_may_be_named(tmp_path):
         ("two:70", "expected a video of one"),
         ("one:D1:70", "expected a whisker of C2"),
         ("one:C2:x", "VIDEO:WHISKER:FRAME"),
+        ("other:one:C2:70", "expected a video of one"),
     ):
         with pytest.raises(ValueError, match=word):
             named_slips(results, [place])
+    (results / "one").rename(results / "at:one")
+    for name in ("videos.csv", "contacts.csv"):
+        table = results / name
+        table.write_text(table.read_text().replace("\none,", "\nat:one,"))
+    (slip,) = named_slips(results, ["at:one:C2:70"])
+    assert str(slip) == "at:one, whisker C2, frame 70"
 
 
 @pytest.mark.slow
