@@ -52,10 +52,9 @@ def find_slips(results) -> list[Slip]:
         Where the folder holds no results, or there is no slip.
     """
     contacts, videos = _read(results)
-    rows = contacts[contacts["slip"] & (contacts["offset_frame"] > 0)]
     slips = [
         _slip(videos[row.video], contacts, row.whisker, int(row.offset_frame))
-        for row in rows.itertuples()
+        for row in contacts[contacts["slip"]].itertuples()
         if row.video in videos
     ]
     if not slips:

@@ -109,7 +109,7 @@ class OnsetAverage:
         return figure
 
     def _draw_one(self, axis, name, style):
-        forces = pd.DataFrame(self._forces[name])
+        forces = pd.DataFrame(np.array(self._forces[name]))
         mean, error = forces.mean(), forces.sem().fillna(0.0)  # of one contact
         axis.fill_between(self.time_ms, np.maximum(mean - error, 0), mean + error,
                           color=style.colour, alpha=0.25, lw=0)  # fmt: skip
