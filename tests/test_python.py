@@ -20,7 +20,7 @@ from pipeline import (
     read_session,
     write_session,
 )
-from pipeline.contacts.corrections import Verdict, table_of
+from pipeline.contacts.corrections import Verdict
 from pipeline.errors import InputError, VideoError
 from pipeline.reports.axes_plots import plot_centrelines, plot_contacts, plot_course
 from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, files
@@ -226,6 +226,7 @@ def _lines(*frames):
             InputError,
             "settings: expected `Settings`.* got int",
         ),
+        (3, "session.toml", VideoError, "3: expected the path of a video, or an array.*, got int"),
         ("gone.avi", None, VideoError, "gone.avi: does not exist; check the name"),
         (pd.DataFrame({"frame": [0]}), "session.toml", ValueError, "needs the column whisker"),
         (_lines(0.5), "session.toml", ValueError, r"row 0: frame is .*0\.5.*: expected a whole"),
@@ -250,6 +251,8 @@ def test_what_cannot_be_analysed_gets_a_message(rendered, video, settings, error
         (pd.DataFrame({"frame": [1]}), "expected the columns whisker, verdict, .*, got frame$"),
         (pd.DataFrame(), "expected the columns .*, got none$"),
         ([("Contact", 5, 9)], "row 0: verdict is 'Contact', expected one of contact"),
+        ([("free", 5, 9), ("free", 11.5, 15)], "row 1: expected whole numbers .*, got 11.5, 15.0"),
+        ([("free", 5, 9), ("free", np.nan, 15)], "row 1: expected whole numbers .*, got nan"),
         ([("free", 5, 9), ("contact", 9, 5)], "row 1: onset_frame 9 and offset_frame 5"),
         ([("contact", 5, 9), ("contact", 8, 11)], "has frames of contact .5, 9. in row 0"),
     ],
@@ -257,7 +260,7 @@ def test_what_cannot_be_analysed_gets_a_message(rendered, video, settings, error
 def test_corrections_are_checked_before_anything_is_analysed(given, words):
     if isinstance(given, list):
         rows = [("C2", verdict, a, b, min(a, b), max(a, b)) for verdict, a, b in given]
-        given = table_of(Verdict(*row) for row in rows)
+        given = pd.DataFrame([Verdict(*row) for row in rows])
     settings = {"recording": {"frames_per_second": 1e3, "pixels_per_mm": 25, "face": "left"}}
     with pytest.raises(InputError, match=words):
         analyse("gone.avi", settings, corrections=given)

@@ -10,6 +10,7 @@ import itertools
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from pipeline.errors import CorrectionsError, InputError, counted
@@ -44,6 +45,9 @@ class Verdict(NamedTuple):
     def cover(self):
         """(covers_from, covers_to)."""
         return self.covers_from, self.covers_to
+
+
+FRAMES = Verdict._fields[2:6]  # columns that hold numbers of frames
 
 
 def read_corrections(folder) -> pd.DataFrame:
@@ -86,6 +90,12 @@ def corrections_given(corrections) -> pd.DataFrame | None:
         raise InputError(
             f"corrections: expected the columns {', '.join(Verdict._fields)}, got "
             f"{', '.join(sorted(there)) or 'none'}"
+        )
+    frames = corrections[list(FRAMES)].apply(pd.to_numeric, errors="coerce")
+    for row in np.flatnonzero((frames % 1 != 0).any(axis=1)):
+        given = ", ".join(map(str, corrections[list(FRAMES)].iloc[row]))
+        raise InputError(
+            f"corrections: row {row}: expected whole numbers as {', '.join(FRAMES)}, got {given}"
         )
     for row, fault in _faults(range(len(corrections)), corrections, "row"):
         raise InputError(f"corrections: row {row}: {fault}")

@@ -47,6 +47,9 @@ def open_video(path, threads: int = 1) -> Video:
         from pipeline.video.arrays import ArrayVideo
 
         return ArrayVideo(path)
+    if not isinstance(path, (str, os.PathLike)):
+        kind = type(path).__name__
+        raise VideoError(path, f"expected the path of a video, or an array of frames, got {kind}")
     path = Path(path)
     if path.is_dir():
         from pipeline.video.image_stacks import ImageFolderVideo
