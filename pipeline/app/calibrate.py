@@ -43,8 +43,7 @@ def geometry(
     """
     from pipeline.app.calibrate_geometry import run_geometry
 
-    scale = {"--pixels-per-mm": pixels_per_mm, "--scale-bar-mm": scale_bar_mm}
-    target = _target(into, whisker)
+    scale, target = (pixels_per_mm, scale_bar_mm), _target(into, whisker)
     leave(run_geometry(images, scale, out, mass_ug or (), target, typer.echo))
 
 

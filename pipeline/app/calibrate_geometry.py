@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pipeline.app.case_by_case import each
 from pipeline.calibrate.find_whisker import NoWhiskerError
-from pipeline.calibrate.geometry import measure_geometry
+from pipeline.calibrate.geometry import check_scale, measure_geometry
 from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into
 from pipeline.errors import counted, need_content, need_distinct
 from pipeline.session.plausibility import doubtful_values
@@ -30,7 +30,7 @@ def run_geometry(images, scale, out, masses, target, say) -> list[str]:
 
     Parameters
     ----------
-    scale : {"--pixels-per-mm": scale or None, "--scale-bar-mm": length of a bar or None}
+    scale : pixels per mm or None, length of the pictures' scale bar [mm] or None
     target : (session.toml, name of the whisker in it), or None
     say : prints a line
     """
@@ -57,7 +57,7 @@ def run_geometry(images, scale, out, masses, target, say) -> list[str]:
 
 
 def _measured(image, scale):
-    geometry = measure_geometry(image, *scale.values())
+    geometry = measure_geometry(image, *scale)
     _check_scale(geometry)
     return geometry
 
@@ -76,15 +76,7 @@ def _check(images, scale, masses):
     need_distinct(
         map(Path.resolve, images), "{}: is named twice, and its whisker would count as two"
     )
-    given = {option: value for option, value in scale.items() if value is not None}
-    if len(given) != 1:
-        raise ValueError(
-            "--pixels-per-mm and --scale-bar-mm: expected one of them, the scale of the pictures "
-            "or the length of the scale bar in them"
-        )
-    for option, value in given.items():
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{option} {value}: expected a number above 0")
+    check_scale(*scale)
     if masses and len(masses) != len(images):
         raise ValueError(
             f"--mass-ug: expected one per image ({len(images)}), got {len(masses)}; repeat the "

@@ -82,6 +82,12 @@ def test_scale_by_a_scale_bar(tmp_path, bright):
     assert found.length.se > 6 * 0.3 / 130  # the bar's ends are known to a part of a pixel
 
 
+@pytest.mark.parametrize("scale", [(), (130, 1.0), (-130,), (np.nan,), (None, 0.0)])
+def test_a_scale_is_needed_and_one_only(tmp_path, scale):
+    with pytest.raises(ValueError, match=r"expected (one of them|a number above 0)"):
+        measure_geometry(tmp_path / "not_looked_at.png", *scale)
+
+
 def test_a_picture_without_a_scale_bar_is_refused(tmp_path):
     path = tmp_path / "whisker.png"
     cv2.imwrite(str(path), small().picture())
