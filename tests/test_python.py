@@ -22,7 +22,7 @@ from pipeline import (
 )
 from pipeline.contacts.corrections import Verdict
 from pipeline.errors import InputError, VideoError
-from pipeline.reports.axes_plots import plot_centrelines, plot_contacts, plot_course
+from pipeline.reports.notebook_plots import plot_centrelines, plot_contacts, plot_course
 from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, files
 
 pytestmark = pytest.mark.e2e

@@ -5,7 +5,7 @@ import numpy as np
 from pipeline.calibrate.follicle_motion import FollicleMotion, slope_of
 from pipeline.calibrate.pictures import save
 from pipeline.numerics.runs import runs_of_true
-from pipeline.reports.plots import ACCENT, BLACK, PALE
+from pipeline.reports.plot_style import ACCENT, BLACK, PALE
 
 
 def draw_dust(path, motion: FollicleMotion) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.calibrate.pictures import save
-from pipeline.reports.plots import ACCENT, BLACK, PALE
+from pipeline.reports.plot_style import ACCENT, BLACK, PALE
 
 COOL = "#2b6cc8"
 WIDEST_PX = 1800  # of the micrograph as it is shown

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.calibrate.pictures import save
-from pipeline.reports.plots import ACCENT, BLACK, PALE
+from pipeline.reports.plot_style import ACCENT, BLACK, PALE
 
 BEFORE, AFTER = 4, 12  # frames that panel a shows
 

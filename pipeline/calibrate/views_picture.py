@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.calibrate.pictures import save
-from pipeline.reports.plots import ACCENT, BLACK, PALE
+from pipeline.reports.plot_style import ACCENT, BLACK, PALE
 
 LINES = 60  # that are drawn of each video
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reports.fig3_tables import ShownContact
-from pipeline.reports.plots import ACCENT, BLACK, GREY, PALE
+from pipeline.reports.plot_style import ACCENT, BLACK, GREY, PALE
 from pipeline.reports.session_numbers import PAPER
 from pipeline.reports.whisker_styles import whisker_styles
 

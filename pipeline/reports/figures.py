@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pipeline.reports import fig3_panels
 from pipeline.reports.fig3_tables import chosen, panel_tables, typical_contact
-from pipeline.reports.plots import NO_DATE, SVG_IDS
+from pipeline.reports.plot_style import NO_DATE, SVG_IDS
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts, read_truth
 from pipeline.tables import whole_files
 from pipeline.tables.files import write_csv

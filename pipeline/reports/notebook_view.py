@@ -3,8 +3,8 @@
 from html import escape
 
 from pipeline.errors import counted
-from pipeline.reports.axes_plots import plot_course
-from pipeline.reports.plots import axes, svg
+from pipeline.reports.notebook_plots import plot_course
+from pipeline.reports.plot_style import axes, svg
 
 COLUMNS = [
     "whisker", "contact", "onset_s", "duration_ms", "peak_force_uN", "peak_force_se_uN",

@@ -11,7 +11,7 @@ import pandas as pd
 
 from pipeline.contacts.corrections import decisions_in_words
 from pipeline.errors import counted
-from pipeline.reports import plots
+from pipeline.reports import plot_style
 from pipeline.reports.error_budget import session_budget
 from pipeline.reports.examples import Effort, choose_examples, choose_flagged
 from pipeline.reports.session_numbers import (
@@ -224,7 +224,7 @@ def _look_through(results, videos, contacts) -> dict:
         "videos": rows,
         "stacks": stacks,
         "stacked_of": sum(bool(row["courses"]) for row in rows),
-        "onset_average": None if figure is None else plots.svg(figure),
+        "onset_average": None if figure is None else plot_style.svg(figure),
         "kept": kept,
     }
 
@@ -299,7 +299,7 @@ def _panels(results):
     for letter, caption in PANELS.items():
         path = results / "figures" / f"fig3{letter}.svg"
         if path.is_file():
-            picture = plots.data_uri(path.read_bytes(), "image/svg+xml")
+            picture = plot_style.data_uri(path.read_bytes(), "image/svg+xml")
             yield {"letter": letter, "picture": picture, "caption": caption}
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.errors import VideoError, counted
-from pipeline.reports.plots import data_uri
+from pipeline.reports.plot_style import data_uri
 from pipeline.session.content import check_video
 from pipeline.session.session_file import read_session
 from pipeline.tables import files

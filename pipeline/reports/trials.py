@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from pipeline.reports import plots
+from pipeline.reports import plot_style
 from pipeline.reports.whisker_styles import style_of
 
 BEFORE_MS, AFTER_MS = 20.0, 80.0  # of the onset, averaged
@@ -24,7 +24,7 @@ def raster(videos, contacts: pd.DataFrame) -> dict | None:
         return None
     counts = contacts["video"].value_counts().reindex(videos, fill_value=0).to_numpy()
     return {
-        "plot": plots.svg(draw_raster(videos, contacts)),
+        "plot": plot_style.svg(draw_raster(videos, contacts)),
         "mean": counts.mean(),
         "least": int(counts.min()),
         "most": int(counts.max()),
@@ -43,7 +43,7 @@ def draw_raster(videos, contacts):
     y = rows + (lanes - (len(names) - 1) / 2) * 0.8 / len(names)
     bars = np.stack([np.c_[start, y], np.c_[start + contacts["duration_ms"], y]], axis=1)
     height = float(np.clip(0.8 + TRIAL_IN * len(videos) * len(names), LEAST_IN, HIGHEST_IN))
-    figure, axis = plots.axes(height, top=0.3 if len(names) > 1 else 0.1)
+    figure, axis = plot_style.axes(height, top=0.3 if len(names) > 1 else 0.1)
     thick = 0.62 * 72 * (height - 0.8) / len(videos) / len(names)
     axis.add_collection(
         LineCollection(bars, colors=[style_of(k).colour for k in lanes],
@@ -96,10 +96,10 @@ class OnsetAverage:
             return None
         names = list(self._forces)[:MOST_WHISKERS]
         lines = -(-len(names) // LEGEND_COLUMNS)
-        figure, axis = plots.axes(2.7 + LINE_IN * lines, top=0.1 + LINE_IN * lines)
+        figure, axis = plot_style.axes(2.7 + LINE_IN * lines, top=0.1 + LINE_IN * lines)
         for k, name in enumerate(names):
             self._draw_one(axis, name, style_of(k))
-        axis.axvline(0, color=plots.GREY, lw=0.8, ls=":")
+        axis.axvline(0, color=plot_style.GREY, lw=0.8, ls=":")
         axis.set(xlabel="time from contact onset (ms)", ylabel="force (µN)",
                  xlim=(-BEFORE_MS, AFTER_MS))  # fmt: skip
         axis.set_ylim(bottom=0)

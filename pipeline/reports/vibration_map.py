@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pandas as pd
 
-from pipeline.reports import plots
+from pipeline.reports import plot_style
 
 RINGS = 1.0  # vibrational over steady moment
 NOTICEABLE = 0.1
@@ -28,7 +28,7 @@ def vibration(contacts: pd.DataFrame, whiskers: dict) -> dict | None:
     most = known.sort_values("vibration_ratio", ascending=False).head(NAMED)
     ratio = known["vibration_ratio"]
     return {
-        "plot": plots.svg(draw_map(known, _usual_whisker(whiskers, known))),
+        "plot": plot_style.svg(draw_map(known, _usual_whisker(whiskers, known))),
         "known": len(known),
         "ring": int((ratio > RINGS).sum()),
         "noticeable": int(((ratio > NOTICEABLE) & (ratio <= RINGS)).sum()),
@@ -78,7 +78,7 @@ def draw_map(contacts, whisker):
     """Contacts by place and duration on the model's map of vibrational over steady moment."""
     from matplotlib.colors import LogNorm
 
-    figure, axis = plots.axes(3.4, right=0.95)
+    figure, axis = plot_style.axes(3.4, right=0.95)
     norm = LogNorm(LEAST, MOST)
     duration, place = contacts["duration_ms"], contacts["contact_arc_length_mm"]
     if whisker is not None:

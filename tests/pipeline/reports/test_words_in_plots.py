@@ -8,7 +8,7 @@ from figure_text import faults
 from matplotlib.figure import Figure
 from results_folder import CONTACTS, SETTINGS, contact, make_results
 
-from pipeline.reports import fig3_panels, fig3_tables, plots, trials, vibration_map
+from pipeline.reports import fig3_panels, fig3_tables, plot_style, trials, vibration_map
 from pipeline.reports.session_numbers import fig3_numbers, read_contacts
 from pipeline.reports.time_courses import read_courses
 from pipeline.tables import files
@@ -106,5 +106,5 @@ def test_faults_are_found():
 
 def test_style_of_plots_is_their_own():
     before = dict(mpl.rcParams)
-    plots.axes(2.0)
+    plot_style.axes(2.0)
     assert dict(mpl.rcParams) == before

@@ -1,4 +1,4 @@
-"""Plots of the report: small figures that can be read on a telephone and on paper."""
+"""How the plots of all rooms look, and how the report's become part of its page."""
 
 import base64
 import io
