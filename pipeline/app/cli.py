@@ -114,7 +114,7 @@ def init(
     from pipeline.app.init import init_folder
     from pipeline.runtime.numba_cache import is_compiled
 
-    if not is_compiled("pipeline/kinematics/follicle.py"):  # what comes last here
+    if not is_compiled("pipeline/detection/line_fit.py"):  # what takes longest here
         say(
             "this first time, parts of the program are compiled, which takes a minute or two; "
             "later it takes seconds"
