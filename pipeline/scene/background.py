@@ -90,7 +90,7 @@ def estimate_background(
         noise, covered = spatial_noise(image, len(frames)), np.zeros(image.shape, bool)
     else:
         image, noise, covered = temporal_background(frames, pixels_per_mm, params)
-    thin = thin_dark_lines(image, pixels_per_mm, noise, params)
+    (thin,) = thin_dark_lines(image, pixels_per_mm, noise, params)
     black, illumination = light_without_objects(image, pixels_per_mm, thin, params)
     return Background(image, *noise, illumination, black, len(frames), covered)
 
@@ -204,13 +204,13 @@ def _sorting_network(n):
 
 
 def thin_dark_lines(
-    image, pixels_per_mm, noise, params: SceneParams, face=None, darkness=1.0
-) -> np.ndarray:
+    image, pixels_per_mm, noise, params: SceneParams, face=None, darkness=(1.0,)
+) -> list[np.ndarray]:
     """Pixels of thin dark lines, bool (height, width): darker than what lies on both sides.
 
     `noise`: (floor, gain) of the variance of `image`. Lines at the edges of large dark things
     are left out: they are creases of those; but whiskers do come out of the `face` (bool mask).
-    `darkness`: share of what is wanted of a line that is clear.
+    `darkness`: for each mask, share of what is wanted of a line that is clear.
     """
     smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
     size = max(3, 2 * round(params.thickest_whisker_mm * pixels_per_mm / 2) + 1)
@@ -222,8 +222,9 @@ def thin_dark_lines(
     large = cv2.morphologyEx(large.astype(np.uint8), cv2.MORPH_OPEN, disc)
     if face is not None:
         large[face] = 0
-    lines = (around - smooth > darkness * limit) & (cv2.dilate(large, disc) == 0)
-    return cv2.dilate(lines.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+    apart = cv2.dilate(large, disc) == 0
+    lines = [(around - smooth > share * limit) & apart for share in darkness]
+    return [cv2.dilate(each.astype(np.uint8), _square(1)).astype(bool) for each in lines]
 
 
 def _square(half_width):
@@ -264,10 +265,11 @@ def without_whiskers(
     share = 1 / background.n_frames if movie else 1.0  # of the variance left in the average
     noise = share * background.noise_floor, share * background.noise_gain
     at = background.image, pixels_per_mm, noise, params, face
-    clear = thin_dark_lines(*at) & ~face
+    clear, faint = thin_dark_lines(*at, (1.0, FAINTER))
+    clear &= ~face
     away = distance_from(face)
     fringe = away <= fringe_px(pixels_per_mm)
-    thin = _long_parts(clear | thin_dark_lines(*at, FAINTER) & ~fringe, 0, clear)
+    thin = _long_parts(clear | faint & ~fringe, 0, clear)
     shortest = params.shortest_still_mm if movie else params.shortest_whisker_mm
     shortest = shortest if fur else SHORTEST_BASE_MM
     lines = thin | background.covered

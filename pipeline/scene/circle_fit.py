@@ -57,31 +57,37 @@ def measure_disc(image, x: float, y: float, radius: float, expected: float) -> P
     fits, a whisker may rest on it: what lies between two narrow shades is left out, too.
     """
     at = image, x, y, radius, expected
-    return _measure(*at, touched=False) or _measure(*at, touched=True)
+    pole, rests = _measure(*at, touched=False)
+    return _measure(*at, touched=True)[0] if pole is None and rests else pole
 
 
 def _measure(image, x, y, radius, expected, touched):
-    """As `measure_disc`; `touched`: also without what lies between two narrow shades."""
-    angles = rays()
+    """As `measure_disc`, and whether a whisker may rest on the disc.
+
+    `touched`: also without what lies between two narrow shades.
+    """
+    angles, rests = rays(), False
     used = _free_rays(image, x, y, radius, angles)
     for _ in range(8):
         if used.mean() < LEAST_FITTED_ARC:
-            return None
+            return None, rests
         fit = _fit_edge(image, x, y, radius, used, expected)
         if fit is None or not plausible((fit.x, fit.y, fit.radius), expected, None):
-            return None
+            return None, rests
         x, y, radius = fit.x, fit.y, fit.radius
-        before, used = used, _unshaded(fit, image, angles, used, touched)
+        unshaded, untouched = _unshaded(fit, image, angles, used)
+        rests |= not np.array_equal(unshaded, untouched)
+        before, used = used, untouched if touched else unshaded
         if np.array_equal(before, used):
             break
     arc = at_edge(half_levels(image, x, y, radius), radius).mean()
     contrast = fit.outside - fit.inside
     residual = _misfit(fit, image, before) / max(contrast, 1e-6)
     if arc < LEAST_ARC or contrast < LEAST_CONTRAST or residual > MOST_RESIDUAL:
-        return None
+        return None, rests
     if contrast < OPAQUE and before.mean() < GREY_ARC:
-        return None
-    return Pole(*map(float, (x, y, radius, fit.blur, arc, residual, _opacity(fit))))
+        return None, rests
+    return Pole(*map(float, (x, y, radius, fit.blur, arc, residual, _opacity(fit)))), rests
 
 
 def _opacity(disc):
@@ -208,9 +214,11 @@ def _fit_edge(image, x, y, radius, used, expected):
     return fit if np.isfinite(fit).all() and fit.radius > fit.blur else None
 
 
-def _unshaded(disc, image, angles, used, touched):
+def _unshaded(disc, image, angles, used):
     """Rays on which no shade of rod or whisker falls: as light outside the edge as the lightest
     third, and no darker than the model by more than the used ones' scatter; bool (angles,).
+
+    And those of them that do not lie between two narrow shades, the same where these are too few.
     """
     px, py, values = _annulus(image, disc.x, disc.y, disc.radius, angles)
     excess = (values - disc.light(px, py))[:, values.shape[1] // 3 :].mean(1)
@@ -223,7 +231,7 @@ def _unshaded(disc, image, angles, used, touched):
     shaded |= excess < -2.5 * max(scatter, 0.5 * INTERPOLATION)
     margin = _with_margin(shaded)
     untouched = ~(margin | _between_shades(shaded))
-    return untouched if touched and untouched.mean() >= LEAST_FITTED_ARC else ~margin
+    return ~margin, untouched if untouched.mean() >= LEAST_FITTED_ARC else ~margin
 
 
 def _with_margin(shaded):

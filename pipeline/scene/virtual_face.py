@@ -66,7 +66,7 @@ def _whiskers(image, pixels_per_mm, params):
     """All whiskers of a frame: points (n, 2) of x, y, and the absorbance image, of each."""
     image = image.astype(np.float32)
     noise = spatial_noise(image)
-    thin = thin_dark_lines(image, pixels_per_mm, noise, params)
+    (thin,) = thin_dark_lines(image, pixels_per_mm, noise, params)
     black, light = light_without_objects(image, pixels_per_mm, thin, params)
     dark = np.clip(1 - (image - black) / np.maximum(light - black, 1.0), -0.3, 1.0)
     sd = np.sqrt(noise[0] + noise[1] * np.maximum(image, 0)) / np.maximum(light - black, 1.0)

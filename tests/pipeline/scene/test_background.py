@@ -326,7 +326,7 @@ class TestThinLines:
     def test_lines_are_found_and_rods_and_edges_not(self):
         scene, _ = still_scene()
         image = with_whisker(scene, 0.1)
-        thin = thin_dark_lines(image, SCALE, (0.01, 0.0), DEFAULTS.scene)
+        (thin,) = thin_dark_lines(image, SCALE, (0.01, 0.0), DEFAULTS.scene)
         whisker = place_of_whisker(0.1) & (scene > 80) & (np.arange(WIDTH) < 215)
         assert thin[whisker].mean() > 0.95
         assert thin[:, :80][scene[:, :80] < 60].mean() < 0.02
