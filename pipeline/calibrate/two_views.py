@@ -92,8 +92,13 @@ def fit_views(points, first_scale) -> TwoViews:
     Raises
     ------
     ViewsError
-        Where the points are too few, do not spread in all directions, or do not match.
+        Where the points are no such table, or too few, do not spread in all directions, or do not
+        match.
     """
+    points = np.asarray(points, float)
+    if points.shape[1:] != (4,) or not np.isfinite(points).all():
+        shape = points.shape
+        raise ViewsError(f"matched points: expected finite numbers (n, 4), got the shape {shape}")
     if len(points) < FEWEST:
         raise ViewsError(f"{len(points)} matched points; expected at least {FEWEST}")
     normal, spread = _plane(points)

@@ -70,6 +70,8 @@ def test_a_mirrored_second_view_is_seen_from_the_points():
 @pytest.mark.parametrize(
     ("given", "expected"),
     [
+        (np.zeros((30, 3)), r"expected finite numbers \(n, 4\), got the shape \(30, 3\)"),
+        (np.full((30, 4), np.nan), "matched points: expected finite numbers"),
         (points(np.random.default_rng(0), n=5), "5 matched points; expected at least 6"),
         (points(np.random.default_rng(0), height=0.0), "lie in a plane"),
         (np.random.default_rng(0).uniform(0, 600, (12, 4)), "do not match: .* px apart"),
