@@ -115,6 +115,8 @@ def why(error: OSError) -> str:
     """
     place = f"{error.filename}" if error.filename is not None else ""
     if isinstance(error, (FileExistsError, NotADirectoryError)):
+        above = Path(place), *Path(place).parents
+        place = next((each for each in above if each.is_file()), place)
         return f"{place} is a file, not a folder".strip()
     known = error.errno in errno.errorcode  # libraries add words of their own
     words = os.strerror(error.errno) if known else error.strerror or str(error)
