@@ -268,7 +268,8 @@ def without_whiskers(
     clear, faint = thin_dark_lines(*at, (1.0, FAINTER))
     clear &= ~face
     away = distance_from(face)
-    fringe = away <= fringe_px(pixels_per_mm)
+    reach = fringe_px(pixels_per_mm)
+    fringe = away <= reach
     thin = _long_parts(clear | faint & ~fringe, 0, clear)
     shortest = params.shortest_still_mm if movie else params.shortest_whisker_mm
     shortest = shortest if fur else SHORTEST_BASE_MM
@@ -276,14 +277,14 @@ def without_whiskers(
     if pole is not None:
         # so near to the pole, thin lines are not seen
         lines |= _around(pole, params.thickest_whisker_mm * pixels_per_mm)
-    whiskers = thin & _long_lines_at(face, lines, pixels_per_mm, shortest * pixels_per_mm)
+    whiskers = thin & _long_parts(lines, shortest * pixels_per_mm, _around(face, reach))
     if movie and things is not None:
         near = _around(things & ~fringe, AT_THING_MM * pixels_per_mm)
         whiskers &= ~_long_parts(whiskers, 0, whiskers & near)
     whiskers |= _long_parts(background.covered & ~fringe | whiskers, 0, whiskers)
     image = background.image
     if whiskers.any():
-        image = _filled_beside(away, image, whiskers, fringe_px(pixels_per_mm))
+        image = _filled_beside(away, image, whiskers, reach)
     return image if movie else smooth_flat_parts(image, pixels_per_mm, noise)
 
 
@@ -309,8 +310,3 @@ def _around(mask, near_px):
 def fringe_px(pixels_per_mm) -> float:
     """How far from the face a whisker may begin to be seen [px]."""
     return max(FRINGE_MM * pixels_per_mm, FRINGE_PX)
-
-
-def _long_lines_at(face, thin, pixels_per_mm, shortest_px):
-    """Connected lines that are at least `shortest_px` long and end near the face."""
-    return _long_parts(thin, shortest_px, _around(face, fringe_px(pixels_per_mm)))
