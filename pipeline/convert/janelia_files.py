@@ -217,7 +217,7 @@ def read_bar(path) -> np.ndarray:
         Where a line is something else.
     """
     rows = []
-    text = _bytes(path).decode("utf-8", "replace")
+    text = _bytes(path).decode("utf-8-sig", "replace")
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.split()
         if not words:

@@ -72,11 +72,12 @@ def test_bars_there_and_back(tmp_path_factory, bar):
 
 
 def test_a_bar_file_that_the_tracker_wrote(tmp_path):
-    """By Save_Bars_To_Filename of whisk-janelia 1.2.5's libwhiskio."""
-    path = tmp_path / "a.bar"
-    path.write_bytes(b"0 322.451 211.661\n1 322.594 211.738\n2 322.58 212.105\n")
+    """By Save_Bars_To_Filename of whisk-janelia 1.2.5's libwhiskio; and as Notepad saves it."""
+    path, written = tmp_path / "a.bar", b"0 322.451 211.661\n1 322.594 211.738\n2 322.58 212.105\n"
     expected = [[0, 322.451, 211.661], [1, 322.594, 211.738], [2, 322.58, 212.105]]
-    np.testing.assert_array_equal(janelia.read_bar(path), expected)
+    for content in (written, b"\xef\xbb\xbf" + written.replace(b"\n", b"\r\n")):
+        path.write_bytes(content)
+        np.testing.assert_array_equal(janelia.read_bar(path), expected)
 
 
 def test_whiskers_lie_in_the_file_as_the_tracker_lays_them(tmp_path):
