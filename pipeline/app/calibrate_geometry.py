@@ -58,7 +58,7 @@ def run_geometry(images, scale, out, masses, target, say) -> list[str]:
 
 def _measured(image, scale):
     geometry = measure_geometry(image, *scale)
-    _check_scale(geometry)
+    _check_size(geometry)
     return geometry
 
 
@@ -87,7 +87,7 @@ def _check(images, scale, masses):
             raise ValueError(f"--mass-ug {mass}: expected a number above 0")
 
 
-def _check_scale(geometry):
+def _check_size(geometry):
     """NoWhiskerError where no whisker is of the size that the scale makes it."""
     length, radius = geometry.length.value, geometry.base_radius.value
     if LENGTH.low <= length <= LENGTH.high and BASE_RADIUS.low <= radius <= BASE_RADIUS.high:

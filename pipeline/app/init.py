@@ -151,23 +151,27 @@ def called_apart(paths) -> list[str]:
     return [path.relative_to(base).as_posix() for path in paths]
 
 
-def look_at(path, opened: ExitStack | None = None) -> Look:
+def look_at(path, opened: ExitStack) -> Look:
     """Find face, pole, scale and whiskers in one video, which stays open as long as `opened`."""
-    with ExitStack() as here:
-        video = (opened or here).enter_context(open_video(path))
-        prepared = prepare_video(video)
-        scene, scale = _scene_and_scale(prepared)
-        look = Look(Path(path), scene, scale)
-        settings = settings_from(findings({look.path.name: look})[0])
-        seen = find_whiskers(*run.look_at(video, settings, prepared), settings)
+    video = opened.enter_context(open_video(path))
+    prepared = prepare_video(video)
+    scene, scale = _scene_and_scale(prepared)
+    look = Look(Path(path), scene, scale)
+    settings = settings_from(_document(look))
+    seen = find_whiskers(*run.look_at(video, settings, prepared), settings)
     likely, side = seen.whisker_set.templates, scene.face_side
     names = counted_names(likely, side, tracing_options(settings, video.shape))
     snout = None if names_by_side(names, side) else snout_of(likely, side)
     look = replace(look, names=names, snout=snout, seen=seen)
-    look = replace(look, document=findings({look.path.name: look})[0])
+    look = replace(look, document=_document(look))
     if likely:
         return look
     return replace(look, scene=without_pole(scene), pixels_per_mm=_usual_scale(video))
+
+
+def _document(look):
+    """What was found in one video alone, in session.toml's shape."""
+    return findings({look.path.name: look})[0]
 
 
 def _usual_scale(video) -> float:

@@ -80,8 +80,9 @@ def find_scenes(
     _check_place(video, pole_xy)
     seen = seen or survey(prepare_video(video), recording, params.scene)
     states, parts = still or still_states(seen, recording, params)
-    pole = _radius_px(pole_diameter_m, recording), _within(seen.part, pole_xy)
-    found = [each.scene(*pole, video.n_frames or 1) for each in parts]
+    radius = pole_diameter_m and 0.5e3 * pole_diameter_m * recording.pixels_per_mm
+    place, n_frames = _within(seen.part, pole_xy), video.n_frames or 1
+    found = [each.scene(radius, place, n_frames) for each in parts]
     scenes = found if seen.part is None else [seen.part.whole(each) for each in found]
     settled = round(params.scene.settled_s * recording.frames_per_second)
     parts = periods(video, seen, states, [_pole_check(scene) for scene in scenes], settled)
@@ -97,11 +98,6 @@ def still_states(seen: Survey, recording: Recording, params: Parameters):
     scale = working_scale(frames[0].shape[1:], recording.pixels_per_mm)
     cut = frames if seen.part is None else [seen.part.cut(some) for some in frames]
     return states, [StillState(some, recording.face, scale, params) for some in cut]
-
-
-def _radius_px(pole_diameter_m, recording):
-    """Radius of the pole [px], None where there is none."""
-    return None if pole_diameter_m is None else 0.5e3 * pole_diameter_m * recording.pixels_per_mm
 
 
 def _within(part, xy):
@@ -129,15 +125,6 @@ def _pole_check(scene):
         return lambda frame: True
     place = scene.pole.x_px[0], scene.pole.y_px[0], scene.pole.radius_px
     return PoleCheck(*place, scene.background).in_place
-
-
-def scene_from_frames(
-    frames, recording: Recording, pole_diameter_m=0.5e-3, pole_xy=None, n_frames: int = 1
-) -> StaticScene:
-    """The scene of a few frames, uint8 (k, height, width), in which only whiskers move."""
-    scale = working_scale(frames.shape[1:], recording.pixels_per_mm)
-    still = StillState(frames, recording.face, scale, DEFAULTS)
-    return still.scene(_radius_px(pole_diameter_m, recording), pole_xy, n_frames)
 
 
 class StillState:
@@ -177,8 +164,7 @@ class StillState:
         own = self.params.scene
         obstacles = find_obstacles(background.transmission, face, pole, scale, own)
         disc = _disc(pole, face.shape)
-        # a whisker may end on the body: that, with its fringe, is no thing of which it could be
-        # part
+        # a whisker may end on the body: that, with its fringe, is nothing it could be part of
         things = _apart_from(obstacles & ~dilated(animal, fringe_px(scale)), disc)
         light = without_whiskers(background, face, scale, own, animal.any(), disc, things)
         return StaticScene(

@@ -21,7 +21,7 @@ from pipeline.video.frame_faults import is_black
 
 N_FRAMES = 32  # that are read; …
 FEW = 16  # … of them, that show margins, a shaking camera, changing light; …
-FEWEST = 8  # … bright whiskers: twice as many show as much more of the dark as of the bright lines
+FEWEST = 8  # … whether whiskers are bright: more frames show it no better
 
 
 @dataclass(frozen=True)

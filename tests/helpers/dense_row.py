@@ -4,11 +4,11 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from still_scene import scene_from_frames
 from usual_parameters import options_for
 
 from pipeline.detection.static_scene import StaticScene
 from pipeline.detection.tracing_options import TracingOptions
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.tracking.registry import WhiskerTemplate, find_templates
 from synthetic.presets import Trial, make_trial

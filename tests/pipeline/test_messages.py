@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from still_scene import scene_from_frames
 from usual_parameters import options_for
 
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.messages import _seldom_tracked, face_message, line_messages, messages
 from pipeline.run import analyse
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
 from pipeline.tracking.registry import find_templates

@@ -1,6 +1,7 @@
 """Which round dark things give no scale, and what a first session.toml says."""
 
 import errno
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -78,7 +79,8 @@ def test_a_round_thing_beside_two_things_that_move_amid_the_picture_is_no_pole(t
             picture *= np.exp(-thickness / 3 * np.exp(-(across**2) / 2.9))
         frames.append(np.rint(picture + rng.normal(0, 2, SHAPE)).astype(np.uint8))
     tifffile.imwrite(tmp_path / "a.tif", np.array(frames))
-    look = look_at(tmp_path / "a.tif")
+    with ExitStack() as opened:
+        look = look_at(tmp_path / "a.tif", opened)
     assert look.names == ()
     assert look.pole is None
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from still_scene import scene_from_frames
 from usual_parameters import options_for
 
 from pipeline.detection.detect import Wanted, detect_crowded
@@ -11,7 +12,6 @@ from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel
 from pipeline.detection.line import Line, Workspace
 from pipeline.detection.line_choice import is_ghost, is_turned, shared_fraction
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from synthetic.presets import make_trial

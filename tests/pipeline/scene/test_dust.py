@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
+from still_scene import scene_from_frames
 
 import pipeline.run
 from pipeline.kinematics.stations import Stations, lies_across
 from pipeline.scene.dust import is_passed_over
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
 from pipeline.video.base import RandomAccessVideo

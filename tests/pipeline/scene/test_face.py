@@ -2,10 +2,10 @@ import cv2
 import numpy as np
 import pytest
 from contourpy import contour_generator
+from still_scene import scene_from_frames
 from usual_parameters import options_for
 
 from pipeline.scene.background import estimate_background
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.face import SIDES, border, darkest_sides, find_face, thickening_towards
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording

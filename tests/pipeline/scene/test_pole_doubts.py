@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from still_scene import scene_from_frames
 
 from pipeline.scene.circle_fit import Pole
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.pole_doubts import doubt
 from pipeline.session.recording import Recording
 

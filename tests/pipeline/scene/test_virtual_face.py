@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from still_scene import scene_from_frames
 from traced_lines import trace_templates
 from usual_parameters import options_for
 
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.virtual_face import mask_behind_whiskers
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording

@@ -5,8 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from still_scene import scene_from_frames
 
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.scene.whisker_pad import (
     SWITCH_SHARE,
     _likeliest,

@@ -6,11 +6,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from still_scene import scene_from_frames
 from traced_lines import trace_templates
 from usual_parameters import options_for
 
 from pipeline.detection.line import Line
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking import registry

@@ -4,9 +4,9 @@ import functools
 
 import numpy as np
 import pytest
+from still_scene import scene_from_frames
 from usual_parameters import options_for
 
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking.registry import find_templates

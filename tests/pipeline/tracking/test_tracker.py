@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from still_scene import scene_from_frames
 from traced_lines import trace_templates
 from usual_parameters import options_for
 
 from pipeline.kinematics.curvature import measure
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.tracking.registry import find_templates

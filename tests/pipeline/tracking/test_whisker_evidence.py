@@ -5,11 +5,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from still_scene import scene_from_frames
 from usual_parameters import options_for
 
 from pipeline.run import analyse
 from pipeline.scene.epochs import Epoch
-from pipeline.scene.estimate import scene_from_frames
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import settings_from
 from pipeline.tracking.registry import find_templates
