@@ -1,5 +1,7 @@
 """A dark disc where no whisker is: nothing can touch it."""
 
+from contextlib import ExitStack
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,7 @@ def test_a_pole_that_a_person_has_shown_is_kept(frames):
 def test_it_gives_no_scale(frames, tmp_path):
     video = tmp_path / f"disc{video_suffix(LOSSLESS)}"
     write_video(video, iter(frames), LOSSLESS)
-    document, _ = findings({video.name: look_at(video)})
+    with ExitStack() as opened:
+        document, _ = findings({video.name: look_at(video, opened)})
     assert "x_px" not in document["pole"]
     assert document["recording"]["pixels_per_mm"] == round(scale_of((HEIGHT, WIDTH), FIELD_MM), 2)
