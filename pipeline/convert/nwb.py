@@ -61,7 +61,8 @@ def write_nwb(folder, video, start: str = "", moves_to=None, **subject) -> list[
     Raises
     ------
     InputError
-        Where pynwb is not installed, `start` is no date, or the animal is not as NWB has it.
+        Where pynwb is not installed, `start` is no date, the animal is not as NWB has it, or two
+        whiskers' names are one there.
     """
     pynwb = library("pynwb", "nwb")
     path = Path(folder) / f"{video.name}.nwb"
@@ -143,15 +144,23 @@ def _add_courses(pynwb, module, video):
     """A time series per whisker and quantity, NaN where it is not known."""
     rate = video.settings.recording.frames_per_second
     courses = pynwb.behavior.BehavioralTimeSeries(name="whiskers")
+    of_whom = {}
     for whisker in video.whiskers:
         table = video.of(whisker)
         for column in FRAME_COLUMNS:
             if column.name in NO_SERIES:
                 continue
             unit, factor = SI[column.unit]
+            name = re.sub("[/:]", "_", f"{whisker}_{_without_unit(column.name)}")
+            other = of_whom.setdefault(name, whisker)
+            if other != whisker:
+                raise InputError(
+                    f'whiskers "{other}" and "{whisker}": a time series of either would be called '
+                    f"{name}, since NWB has _ for / and :; give one of them another name"
+                )
             courses.add_timeseries(
                 pynwb.TimeSeries(
-                    name=re.sub("[/:]", "_", f"{whisker}_{_without_unit(column.name)}"),
+                    name=name,
                     description=f"whisker {whisker}: {column.meaning}",
                     data=table[column.name].to_numpy(float) * factor,
                     unit=unit,

@@ -6,6 +6,7 @@ from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
+import pandas as pd
 import pynwb
 import pytest
 from nwbinspector import Importance, inspect_nwbfile
@@ -65,6 +66,15 @@ def test_a_name_may_have_letters_that_the_format_has_not(videos, tmp_path):
     with read(path) as file:
         series = file.read().processing["behavior"]["whiskers"].time_series
         assert series["left_ C_2_base_angle"].description.startswith("whisker left: C/2: ")
+
+
+def test_names_that_the_format_cannot_keep_apart_are_refused(videos, tmp_path):
+    video, frames = replace(videos[0]), videos[0].frames
+    same = [frames.assign(whisker=name) for name in ("a/b", "a_b")]
+    video.__dict__["frames"] = pd.concat(same)
+    with pytest.raises(InputError, match=r'whiskers "a/b" and "a_b": .* be called a_b_tracked'):
+        write_nwb(tmp_path, video, START)
+    assert not (tmp_path / f"{video.name}.nwb").exists()
 
 
 def test_centrelines_and_pole_read_back_equal(written):
