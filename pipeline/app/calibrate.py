@@ -4,7 +4,7 @@ from pathlib import Path
 
 import typer
 
-from pipeline.app.options import GROUP, Debug, Out, Results, argument, option, up_to_date
+from pipeline.app.options import GROUP, Debug, Out, Results, argument, number, option, up_to_date
 from pipeline.app.terminal import leave
 
 calibrate = typer.Typer(help="Measure whiskers, follicle motion and elevation.", **GROUP)
@@ -19,18 +19,13 @@ Whisker = option(str | None, "NAME", "Name of the whisker in that settings file.
 def geometry(
     images: argument(list[Path], "IMAGE", "Micrographs, one whisker in each."),
     out: Out,
-    pixels_per_mm: option(
-        float | None, "X", "Scale of the micrographs: pixels per millimetre."
+    pixels_per_mm: number("Scale of the micrographs: pixels per millimetre.") = None,
+    scale_bar_mm: number(
+        "Length of the scale bar in the micrographs, if their scale is not known."
     ) = None,
-    scale_bar_mm: option(
-        float | None,
-        "X",
-        "Length of the scale bar in the micrographs, if their scale is not known.",
-    ) = None,
-    mass_ug: option(
-        list[float] | None,
-        "X",
+    mass_ug: number(
         "Mass of each whisker [µg], in the order of the images, for its density.",
+        list[float] | None,
     ) = None,
     into: Into = None,
     whisker: Whisker = None,
@@ -86,10 +81,8 @@ def dust(
     whisker: option(
         str | None, "NAME", "Whisker with the particle.  [default: the only one]", "--whisker"
     ) = None,
-    at_mm: option(
-        float | None,
-        "X",
-        "Rough distance of the particle from the follicle [mm].  [default: found]",
+    at_mm: number(
+        "Rough distance of the particle from the follicle [mm].  [default: found]"
     ) = None,
     debug: Debug = False,
 ):

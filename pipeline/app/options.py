@@ -25,6 +25,20 @@ def argument(kind, metavar, words, **more):
     return Annotated[kind, typer.Argument(metavar=metavar, help=words, **more)]
 
 
+def number(words, kind=float | None):
+    """Type of an option whose value is a number, or a list of them."""
+    return option(kind, "X", words, parser=_number)
+
+
+def _number(text) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text}: expected a number with a decimal point, such as 2.5"
+        ) from None
+
+
 def up_to_date(results: Path) -> Path:
     """The results folder, its tables brought up to a person's corrections."""
     from pipeline.curate.corrected import bring_up_to_date
