@@ -7,7 +7,13 @@ from pathlib import Path
 from pipeline.app.case_by_case import each
 from pipeline.calibrate.find_whisker import NoWhiskerError
 from pipeline.calibrate.geometry import check_scale, measure_geometry
-from pipeline.calibrate.geometry_files import pooled, remarks, write_geometry, write_into
+from pipeline.calibrate.geometry_files import (
+    check_names,
+    pooled,
+    remarks,
+    write_geometry,
+    write_into,
+)
 from pipeline.errors import counted, need_content, need_distinct
 from pipeline.session.plausibility import doubtful_values
 from pipeline.session.quantities import fields_of, limits_of
@@ -35,6 +41,7 @@ def run_geometry(images, scale, out, masses, target, say) -> list[str]:
     say : prints a line
     """
     _check(images, scale, masses)
+    check_names(out, images)
     measured, faults = each(
         itertools.zip_longest(images, masses),
         lambda pair: (_measured(pair[0], scale), pair[1]),
@@ -76,7 +83,7 @@ def _check(images, scale, masses):
     need_distinct(
         map(Path.resolve, images), "{}: is named twice, and its whisker would count as two"
     )
-    check_scale(*scale)
+    check_scale(dict(zip(("--pixels-per-mm", "--scale-bar-mm"), scale, strict=True)))
     if masses and len(masses) != len(images):
         raise ValueError(
             f"--mass-ug: expected one per image ({len(images)}), got {len(masses)}; repeat the "

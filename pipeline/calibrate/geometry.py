@@ -66,18 +66,20 @@ class Geometry:
         return Measured(value, value * self.volume.se / self.volume.value)
 
 
-def check_scale(pixels_per_mm, scale_bar_mm) -> None:
-    """ValueError where not just one of them is given, above 0."""
-    given = {"--pixels-per-mm": pixels_per_mm, "--scale-bar-mm": scale_bar_mm}
-    given = {option: value for option, value in given.items() if value is not None}
+def check_scale(scale: dict) -> None:
+    """ValueError where not just one of two values is given, above 0.
+
+    scale : pixels per mm and length of the scale bar [mm], by the names that the caller knows
+    """
+    given = {name: value for name, value in scale.items() if value is not None}
     if len(given) != 1:
         raise ValueError(
-            "--pixels-per-mm and --scale-bar-mm: expected one of them, the scale of the pictures "
-            "or the length of the scale bar in them"
+            f"{' and '.join(scale)}: expected one of them, the scale of the pictures or the "
+            "length of the scale bar in them"
         )
-    for option, value in given.items():
+    for name, value in given.items():
         if not 0 < value < np.inf:
-            raise ValueError(f"{option} {value}: expected a number above 0")
+            raise ValueError(f"{name} {value}: expected a number above 0")
 
 
 def measure_geometry(path, pixels_per_mm=None, scale_bar_mm=None) -> Geometry:
@@ -97,7 +99,7 @@ def measure_geometry(path, pixels_per_mm=None, scale_bar_mm=None) -> Geometry:
     VideoError
         Where the file is no picture.
     """
-    check_scale(pixels_per_mm, scale_bar_mm)
+    check_scale({"pixels_per_mm": pixels_per_mm, "scale_bar_mm": scale_bar_mm})
     path = Path(path)
     image = read_micrograph(path)
     try:

@@ -7,6 +7,7 @@ import pandas as pd
 
 from pipeline.calibrate.geometry import BROKEN_UM, Geometry, Measured
 from pipeline.calibrate.geometry_picture import draw_pooled, draw_whisker
+from pipeline.errors import renamed
 from pipeline.session.edit import set_whisker_values, whisker_has
 from pipeline.tables.calibration_columns import (
     DENSITY_COLUMNS,
@@ -18,6 +19,7 @@ from pipeline.tables.files import write_csv
 from pipeline.tables.own_files import new_files
 from pipeline.tables.whole_files import sha256
 
+PROFILE = "_profile.csv"  # end of a file's name
 UNITS = {"length": "mm", "base_radius": "um", "tip_radius": "um", "cone_length": "mm"}
 DEVIATION_SHARE = 0.02  # of the base radius, from which a whisker is said to be no cone
 
@@ -62,8 +64,9 @@ def write_geometry(out, geometries: list[Geometry], masses=()) -> None:
     """Write geometry.csv, a profile and a picture per whisker, and all whiskers together."""
     columns = GEOMETRY_COLUMNS + (DENSITY_COLUMNS if masses else ())
     with new_files(out, [sha256(geometry.path) for geometry in geometries]) as new:
-        for stem, geometry in zip(_stems(geometries), geometries, strict=True):
-            write_csv(new / f"{stem}_profile.csv", profile(geometry), PROFILE_COLUMNS)
+        stems = _stems(geometry.path for geometry in geometries)
+        for stem, geometry in zip(stems, geometries, strict=True):
+            write_csv(new / f"{stem}{PROFILE}", profile(geometry), PROFILE_COLUMNS)
             draw_whisker(new / f"{stem}.png", geometry, profile(geometry))
         if len(geometries) > 1:
             write_csv(new / "pooled.csv", _pooled_table(geometries, masses), POOLED_COLUMNS)
@@ -71,14 +74,26 @@ def write_geometry(out, geometries: list[Geometry], masses=()) -> None:
         write_csv(new / "geometry.csv", geometry_table(geometries, masses), columns)
 
 
-def _stems(geometries):
+def check_names(out, pictures) -> None:
+    """OSError where the names of what is made of these pictures are too long for the disk."""
+    folder = next(each for each in (out, *out.parents) if each.is_dir())
+    for stem in _stems(pictures):
+        try:
+            (folder / f"{stem}{PROFILE}").lstat()
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise renamed(error, out / f"{stem}{PROFILE}") from None
+
+
+def _stems(pictures):
     """A file name per picture, numbered where two are alike."""
     stems = []
-    for geometry in geometries:
-        stem, k = geometry.path.stem, 1
+    for picture in pictures:
+        stem, k = picture.stem, 1
         while stem in (*stems, "geometry"):
             k += 1
-            stem = f"{geometry.path.stem}_{k}"
+            stem = f"{picture.stem}_{k}"
         stems.append(stem)
     return stems
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from pipeline.app import cli
+from pipeline.app import calibrate_geometry, cli
 from pipeline.session.session_file import read_session
 from pipeline.tables.calibration_columns import DENSITY_COLUMNS, GEOMETRY_COLUMNS
 from pipeline.tables.files import read_csv
@@ -174,6 +174,15 @@ def test_a_picture_that_is_named_twice_is_no_second_whisker(pictures, tmp_path, 
     assert run(*images, "--pixels-per-mm", 140, "--out", tmp_path / "out") == 2
     assert f"{images[1]}: is named twice" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_name_too_long_is_refused_before_measuring(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(calibrate_geometry, "measure_geometry", None)
+    image = tmp_path / f"{'w' * 250}.png"
+    assert run(image, "--pixels-per-mm", 140, "--out", tmp_path / "a" / "out") == 2
+    said = capsys.readouterr().err
+    assert f"{tmp_path / 'a' / 'out' / image.stem}_profile.csv: File name too long; " in said
+    assert not (tmp_path / "a").exists()
 
 
 def test_into_needs_a_whisker(pictures, session, tmp_path, capsys):
