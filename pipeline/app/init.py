@@ -41,7 +41,7 @@ class Look:
     """What was found in one video: what stands still, the scale, and names for the whiskers.
 
     `snout` is the picture's side that it is nearest to, None where both sides of a face are seen.
-    `seen` is what `run` sees with the settings in `document`.
+    `seen` is what `run` sees with the settings that follow from this video alone.
     """
 
     path: Path
@@ -49,7 +49,6 @@ class Look:
     pixels_per_mm: float
     names: tuple[str, ...] = ()
     snout: str | None = None
-    document: dict | None = None
     seen: Seen | None = None
 
     @property
@@ -97,7 +96,7 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
         document, notes = findings(looks)
         shown = max(looks, key=lambda name: len(looks[name].names))
         look = looks[shown]
-        seen = look.seen if look.document == document else None
+        seen = look.seen if _document(look) == document else None
         preview = preview_of(look.path, settings_from(document, target), seen)
     document["whisker"] = [{"name": name} for name in preview.names]
     settings = settings_from(document, target)
@@ -156,17 +155,14 @@ def look_at(path, opened: ExitStack) -> Look:
     video = opened.enter_context(open_video(path))
     prepared = prepare_video(video)
     scene, scale = _scene_and_scale(prepared)
-    look = Look(Path(path), scene, scale)
-    settings = settings_from(_document(look))
+    settings = settings_from(_document(Look(Path(path), scene, scale)))
     seen = find_whiskers(*run.look_at(video, settings, prepared), settings)
     likely, side = seen.whisker_set.templates, scene.face_side
+    if not likely:
+        return Look(Path(path), without_pole(scene), _usual_scale(video))
     names = counted_names(likely, side, tracing_options(settings, video.shape))
     snout = None if names_by_side(names, side) else snout_of(likely, side)
-    look = replace(look, names=names, snout=snout, seen=seen)
-    look = replace(look, document=_document(look))
-    if likely:
-        return look
-    return replace(look, scene=without_pole(scene), pixels_per_mm=_usual_scale(video))
+    return Look(Path(path), scene, scale, names, snout, seen)
 
 
 def _document(look):

@@ -56,38 +56,44 @@ def measure_disc(image, x: float, y: float, radius: float, expected: float) -> P
     visible arc is too short to measure the radius, it is held near `expected` [px]. Where no disc
     fits, a whisker may rest on it: what lies between two narrow shades is left out, too.
     """
-    at = image, x, y, radius, expected
-    pole, rests = _measure(*at, touched=False)
-    return _measure(*at, touched=True)[0] if pole is None and rests else pole
+    for touched in (False, True):
+        fit, used, rests = _fit_free(image, x, y, radius, expected, touched)
+        pole = None if fit is None else _pole(fit, image, used)
+        if pole or not rests:
+            break
+    return pole
 
 
-def _measure(image, x, y, radius, expected, touched):
-    """As `measure_disc`, and whether a whisker may rest on the disc.
+def _fit_free(image, x, y, radius, expected, touched):
+    """The `Disc` of the free part of an edge, or None; the rays used; may a whisker rest on it?
 
     `touched`: also without what lies between two narrow shades.
     """
     angles, rests = rays(), False
     used = _free_rays(image, x, y, radius, angles)
     for _ in range(8):
-        if used.mean() < LEAST_FITTED_ARC:
-            return None, rests
         fit = _fit_edge(image, x, y, radius, used, expected)
         if fit is None or not plausible((fit.x, fit.y, fit.radius), expected, None):
-            return None, rests
+            return None, used, rests
         x, y, radius = fit.x, fit.y, fit.radius
         unshaded, untouched = _unshaded(fit, image, angles, used)
         rests |= not np.array_equal(unshaded, untouched)
         before, used = used, untouched if touched else unshaded
         if np.array_equal(before, used):
             break
-    arc = at_edge(half_levels(image, x, y, radius), radius).mean()
+    return fit, before, rests
+
+
+def _pole(fit, image, used) -> Pole | None:
+    """A `Disc` that was fitted on the rays `used` as a pole; None where it is hardly one."""
+    arc = at_edge(half_levels(image, fit.x, fit.y, fit.radius), fit.radius).mean()
     contrast = fit.outside - fit.inside
-    residual = _misfit(fit, image, before) / max(contrast, 1e-6)
+    residual = _misfit(fit, image, used) / max(contrast, 1e-6)
     if arc < LEAST_ARC or contrast < LEAST_CONTRAST or residual > MOST_RESIDUAL:
-        return None, rests
-    if contrast < OPAQUE and before.mean() < GREY_ARC:
-        return None, rests
-    return Pole(*map(float, (x, y, radius, fit.blur, arc, residual, _opacity(fit)))), rests
+        return None
+    if contrast < OPAQUE and used.mean() < GREY_ARC:
+        return None
+    return Pole(*map(float, (fit.x, fit.y, fit.radius, fit.blur, arc, residual, _opacity(fit))))
 
 
 def _opacity(disc):
@@ -192,7 +198,8 @@ def _edge_pixels(image, x, y, radius, used):
 def _fit_edge(image, x, y, radius, used, expected):
     """Least squares over the pixels around the used arc: the `Disc`, or None.
 
-    An edge that is more blurred than the disc is large is no disc's.
+    None where the arc is too short. An edge that is more blurred than the disc is large is no
+    disc's.
     """
     px, py, values = _edge_pixels(image, x, y, radius, used)
     trust = PIXEL_SD / (RADIUS_TRUST * expected)
@@ -206,7 +213,7 @@ def _fit_edge(image, x, y, radius, used, expected):
         by[:, 3] *= np.sign(p[3])
         return by
 
-    if len(values) < 12:
+    if used.mean() < LEAST_FITTED_ARC or len(values) < 12:
         return None
     start = [x, y, radius, 1.0, np.quantile(values, 0.1), np.quantile(values, 0.9)]
     solved = least_squares(residuals, start, slopes, x_scale="jac", method="lm", max_nfev=50)

@@ -81,7 +81,8 @@ def find_scenes(
     seen = seen or survey(prepare_video(video), recording, params.scene)
     states, parts = still or still_states(seen, recording, params)
     radius = pole_diameter_m and 0.5e3 * pole_diameter_m * recording.pixels_per_mm
-    place, n_frames = _within(seen.part, pole_xy), video.n_frames or 1
+    place = seen.part.place(pole_xy) if seen.part and pole_xy else pole_xy
+    n_frames = video.n_frames or 1
     found = [each.scene(radius, place, n_frames) for each in parts]
     scenes = found if seen.part is None else [seen.part.whole(each) for each in found]
     settled = round(params.scene.settled_s * recording.frames_per_second)
@@ -98,13 +99,6 @@ def still_states(seen: Survey, recording: Recording, params: Parameters):
     scale = working_scale(frames[0].shape[1:], recording.pixels_per_mm)
     cut = frames if seen.part is None else [seen.part.cut(some) for some in frames]
     return states, [StillState(some, recording.face, scale, params) for some in cut]
-
-
-def _within(part, xy):
-    """A place (x, y) as in the part of the picture that is looked at; None: in all of it."""
-    if part is None or xy is None:
-        return xy
-    return xy[0] - part.corner[0], xy[1] - part.corner[1]
 
 
 def _check_place(video, pole_xy):

@@ -35,6 +35,10 @@ class PicturePart:
         """x, y of the box's first pixel."""
         return self.box[1].start, self.box[0].start
 
+    def place(self, xy) -> tuple[float, float]:
+        """Return a place (x, y) of the whole picture as one in the box."""
+        return xy[0] - self.corner[0], xy[1] - self.corner[1]
+
     def shown(self, frame: np.ndarray) -> np.ndarray:
         """Return a frame with even light in place of all but the part."""
         light = np.percentile(frame[self.used][::EVERY], LIGHT_RANK)
