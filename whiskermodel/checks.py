@@ -16,11 +16,11 @@ def finite_array(argument, value):
     return array
 
 
-def positive(argument, value, unit):
-    """`value` as a finite float array with every element > 0."""
+def positive(argument, value):
+    """`value` [s] as a finite float array with every element > 0."""
     array = finite_array(argument, value)
     if not (array > 0).all():
-        raise ValueError(f"{argument} must be > 0 {unit}, got {float(array.min())!r} {unit}")
+        raise ValueError(f"{argument} must be > 0 s, got {float(array.min())!r} s")
     return array
 
 

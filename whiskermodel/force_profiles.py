@@ -25,7 +25,7 @@ def half_gaussian(time, duration, peak_force, onset=0.0):
     (*S, n) array [N]
     """
     t = finite_array("time", time)
-    duration = positive("duration", duration, "s")[..., None]
+    duration = positive("duration", duration)[..., None]
     peak = finite_array("peak_force", peak_force)[..., None]
     u = 2 * (t - finite_array("onset", onset)[..., None]) / duration - 1
     return peak * half_gaussian_pulse(u)
@@ -58,8 +58,8 @@ def stick_slip(time, slip_duration, stick_duration=8e-3, peak_force=5e-6, events
         Sticks, each followed at once by its slip.
     """
     t = finite_array("time", time)
-    slip = float(positive("slip_duration", slip_duration, "s"))
-    stick = float(positive("stick_duration", stick_duration, "s"))
+    slip = float(positive("slip_duration", slip_duration))
+    stick = float(positive("stick_duration", stick_duration))
     events = whole_number("events", events, 1)
     period = stick + slip
     phase = np.mod(t, period)
@@ -72,7 +72,7 @@ def stick_slip(time, slip_duration, stick_duration=8e-3, peak_force=5e-6, events
 def ramp_and_hold(time, ramp_duration, hold_force, hold_duration=np.inf):
     """Raised-cosine ramp to `hold_force` [N], hold, and the same ramp back (never, by default)."""
     t = finite_array("time", time)
-    ramp = float(positive("ramp_duration", ramp_duration, "s"))
+    ramp = float(positive("ramp_duration", ramp_duration))
     if not hold_duration >= 0:
         raise ValueError(f"hold_duration must be >= 0 s, got {hold_duration!r} s")
     up = np.clip(t / ramp, 0.0, 1.0)

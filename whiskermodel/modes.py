@@ -147,29 +147,30 @@ def modes(taper, boundary="fixed", n_modes=10, basis="complete", n_terms=None):
     return Modes(float(taper), kappa, basis, p, evaluate, np.where(tip < 0, -1.0, 1.0))
 
 
-def supported_modes(taper, support, boundary="fixed", n_modes=10, n_terms=None):
+def supported_modes(taper, support, boundary="fixed", n_modes=10):
     """Modes of the cone held at `support` (0–1, units of L) as well, as SupportedModes.
 
     Other parameters are those of `modes`, with the complete basis.
     """
-    free = modes(taper, boundary, n_modes, n_terms=n_terms)  # checks the arguments
+    free = modes(taper, boundary, n_modes)  # checks the arguments
     if not 0 < support < 1:
         raise ValueError(f"support must lie in 0–1 (units of L), got {support!r}")
-    n_terms = max(40, 2 * n_modes + 30) if n_terms is None else n_terms
     p, phi = polynomial_modes(
-        free.taper, free.follicle_stiffness, free.n_modes, n_terms, float(support)
+        free.taper, free.follicle_stiffness, free.n_modes, _enough_terms(n_modes), float(support)
     )
     signs = np.where(phi(np.ones(())) < 0, -1.0, 1.0)
     return SupportedModes(free.taper, free.follicle_stiffness, "complete", p, phi, signs)
 
 
+def _enough_terms(n_modes):
+    """Two terms a mode and a margin: rounding error in every mode wanted."""
+    return max(40, 2 * n_modes + 30)
+
+
 def _complete(taper, kappa, n_modes, n_terms):
-    # two terms a mode and a margin: rounding error in every mode wanted
-    least = n_modes + 3
-    n_terms = max(40, 2 * n_modes + 30) if n_terms is None else n_terms
-    n_terms = whole_number("n_terms", n_terms, least)
-    p, phi = polynomial_modes(taper, kappa, n_modes, n_terms)
-    return p, phi
+    n_terms = _enough_terms(n_modes) if n_terms is None else n_terms
+    n_terms = whole_number("n_terms", n_terms, n_modes + 3)
+    return polynomial_modes(taper, kappa, n_modes, n_terms)
 
 
 def _paper(taper, kappa, n_modes, n_terms):

@@ -108,7 +108,7 @@ def half_gaussian_extremes(
     (3, contacts) array [N m]
     """
     c, peak, duration = _contacts(response, contact_arc_length, peak_force, duration)
-    dt, ringing = float(positive("dt", dt, "s")), float(positive("ringing", ringing, "s"))
+    dt, ringing = float(positive("dt", dt)), float(positive("ringing", ringing))
     out = np.stack([-c * peak, np.zeros(len(c)), np.zeros(len(c))])
     which = _span_of(duration)
     for number in np.unique(which):
@@ -124,7 +124,7 @@ def half_gaussian_extremes(
 def _contacts(response, contact_arc_length, peak_force, duration):
     c = on_whisker(response.whisker, contact_arc_length)
     peak = finite_array("peak_force", peak_force)
-    duration = positive("duration", duration, "s")
+    duration = positive("duration", duration)
     try:
         return tuple(np.atleast_1d(*np.broadcast_arrays(c, peak, duration)))
     except ValueError:
@@ -218,7 +218,7 @@ class _Span:
     def _tables(self, t):
         """What takes series to q and to q' at times `t` (contacts,), (2, contacts, terms)."""
         values = legendre.legvander(2 * t / self.span - 1, _TERMS - 1)
-        return np.stack([values, values @ _differentiation(_TERMS) * (2 / self.span)])
+        return np.stack([values, values @ _differentiation() * (2 / self.span)])
 
 
 def _states(smooth, tables):
@@ -255,8 +255,7 @@ def _response_maps(angular_frequency, d, half):
     as a whole: solved for q_uu, starting from rest. A fast mode's polynomial is the one that
     follows the force without ringing.
     """
-    unit, integral = np.eye(_TERMS), _integration(_TERMS)
-    differential = _differentiation(_TERMS)
+    unit, integral, differential = np.eye(_TERMS), _integration(), _differentiation()
     turn = angular_frequency * half
     fast, square = turn > _SLOW, turn[:, None, None] ** 2
     twice = integral @ integral
@@ -267,10 +266,9 @@ def _response_maps(angular_frequency, d, half):
     return np.linalg.solve(system, right), fast
 
 
-def _integration(n):
+def _integration():
     """Legendre coefficients of a series → of its integral from u = −1."""
-    out = np.zeros((n, n))
-    k = np.arange(1, n)
+    out, k = np.zeros((_TERMS, _TERMS)), np.arange(1, _TERMS)
     out[k, k - 1] = 1 / (2 * k - 1)
     out[k - 1, k] = -1 / (2 * k + 1)
     out[0, 0] = 1.0
@@ -278,9 +276,9 @@ def _integration(n):
 
 
 @lru_cache(maxsize=1)
-def _differentiation(n):
+def _differentiation():
     """Legendre coefficients of a series → of its derivative."""
-    out = np.zeros((n, n))
-    for column in range(1, n):
+    out = np.zeros((_TERMS, _TERMS))
+    for column in range(1, _TERMS):
         out[column - 1 :: -2, column] = 2 * np.arange(column - 1, -1, -2) + 1
     return out

@@ -269,7 +269,7 @@ class Response:
                 f"contact_arc_length must be one number or one per force, got shape {c.shape} "
                 f"with force of shape {force.shape}"
             ) from None
-        dt = float(positive("dt", dt, "s"))
+        dt = float(positive("dt", dt))
         return np.broadcast_to(c, shape), np.broadcast_to(force, (*shape, force.shape[-1])), dt
 
     def integrals(self, force, dt):

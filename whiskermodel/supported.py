@@ -120,7 +120,7 @@ class SupportedResponse:
         return Displacement(time, np.outer(static, force), np.concatenate(vibrational, axis=1))
 
     def _checked(self, force, dt):
-        force, dt = finite_array("force", force), float(positive("dt", dt, "s"))
+        force, dt = finite_array("force", force), float(positive("dt", dt))
         if force.ndim != 1 or len(force) < 2:
             raise ValueError(f"force must be one row of two samples or more, got {force.shape}")
         touching = np.flatnonzero(force)

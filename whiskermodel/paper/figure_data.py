@@ -66,13 +66,13 @@ class Table:
 # Modes --------------------------------------------------------------------------------------
 
 
-def mode_table(tapers=MODE_TAPERS, n_modes=N_MODES):
+def mode_table():
     """p'/2 by every basis (modes.csv). A rigid rotation is the pinned end's mode 1, p' = 0."""
     rows = []
     for boundary in ("fixed", "pinned"):
-        for taper in tapers:
+        for taper in MODE_TAPERS:
             for basis, n_terms in (("paper", 60), ("complete", None), ("exact", None)):
-                p = modes(taper, boundary, n_modes, basis, n_terms).p_prime
+                p = modes(taper, boundary, N_MODES, basis, n_terms).p_prime
                 rows += [(boundary, taper, basis, k + 1, v / 2) for k, v in enumerate(p)]
     return Table.of_rows(("boundary", "taper", "basis", "mode", "p_prime_half"), rows)
 
@@ -214,30 +214,30 @@ def _pulse_ratios(whisker, contacts, durations, forces):
     return Table.of_rows(RATIO_COLUMNS, rows)
 
 
-def pulse_loads(contact, peak_force, duration, frame="chord", end=60e-3):
+def pulse_loads(contact, peak_force, duration, end=60e-3):
     """BaseLoads of one half-Gaussian contact of the mouse whisker (Figs 7b, 8)."""
     force = half_gaussian(np.arange(0, end, DT), duration, peak_force)
-    return Response(mouse_c2(), "fixed", frame, N_MODES).base_loads(contact, force, DT)
+    return Response(mouse_c2(), "fixed", "chord", N_MODES).base_loads(contact, force, DT)
 
 
-def slip_loads(slip_duration, frame="chord", events=2, end=60e-3):
+def slip_loads(slip_duration, frame="chord", events=2):
     """BaseLoads of a stick-slip of the rat whisker (Fig. 9c)."""
-    force = stick_slip(np.arange(0, end, DT), slip_duration, events=events)
+    force = stick_slip(np.arange(0, 60e-3, DT), slip_duration, events=events)
     return Response(rat_c2(), "fixed", frame, N_MODES).base_loads(FIGURE_9_CONTACT, force, DT)
 
 
-def slip_deflection(slip_duration, frame="chord", end=60e-3, arc_length=16e-3):
+def slip_deflection(slip_duration):
     """Displacement at 16 mm [m] during a stick-slip (Fig. 9b)."""
-    force = stick_slip(np.arange(0, end, DT), slip_duration)
-    response = Response(rat_c2(), "fixed", frame, N_MODES)
-    return response.displacement(FIGURE_9_CONTACT, force, DT, np.array([arc_length])).total[0]
+    force = stick_slip(np.arange(0, 60e-3, DT), slip_duration)
+    response = Response(rat_c2(), "fixed", "chord", N_MODES)
+    return response.displacement(FIGURE_9_CONTACT, force, DT, np.array([16e-3])).total[0]
 
 
-def ramp_loads(ramp_duration, frame="chord", end=100e-3):
+def ramp_loads(ramp_duration, frame="chord"):
     """BaseLoads of a 12° ramp of the trimmed rat whisker (Fig. 10c)."""
     whisker = rat_c2(length=13e-3)
     hold = float(force_for_base_angle(whisker, FIGURE_10_CONTACT, FIGURE_10_ANGLE))
-    force = ramp_and_hold(np.arange(0, end, DT), ramp_duration, hold)
+    force = ramp_and_hold(np.arange(0, 100e-3, DT), ramp_duration, hold)
     return Response(whisker, "fixed", frame, N_MODES).base_loads(FIGURE_10_CONTACT, force, DT)
 
 
