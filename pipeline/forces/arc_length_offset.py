@@ -35,13 +35,13 @@ from scipy import sparse
 from scipy.special import expit
 
 from pipeline.forces import rod_fit
-from pipeline.forces.origin_and_rest import BLOCK_ROWS, OriginAndRest, of_each_row, shown_by
+from pipeline.forces.origin_and_rest import OriginAndRest, of_each_row, shown_by
 from pipeline.forces.rest_shape import CORRELATED_FRAMES
 from pipeline.forces.rod_fit import RestPrior
-from pipeline.kinematics.stations import Stations, may_touch
+from pipeline.kinematics.stations import BLOCK_ROWS, Stations, may_touch
 from pipeline.kinematics.tip import tip_beyond
 from pipeline.numerics.robust import robust_sd
-from pipeline.numerics.runs import evenly
+from pipeline.numerics.runs import evenly, parts
 from pipeline.session.parameters import RodParams
 from whiskermodel.whisker import Whisker
 
@@ -94,8 +94,7 @@ class _Evidence:
     def solve(self) -> Origin:
         cov, n = np.linalg.inv(self.matrix), self.design.shape[0]
         root, se = np.linalg.cholesky(cov), np.empty(n)
-        for first in range(0, n, BLOCK_ROWS):  # rows by terms would not fit into memory
-            rows = slice(first, first + BLOCK_ROWS)
+        for rows in parts(n, BLOCK_ROWS):  # rows by terms would not fit into memory
             se[rows] = np.linalg.norm(self.design[rows] @ root, axis=1)
         return Origin(self.design @ self.weights(), se, self.per_tip(cov))
 

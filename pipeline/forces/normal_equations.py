@@ -7,9 +7,8 @@ from numba import njit
 
 from pipeline.forces.rod_integration import LOADED
 from pipeline.forces.rod_types import COMPILED
+from pipeline.kinematics.base_curves import HUBER
 from pipeline.numerics.cholesky import solve
-
-HUBER = 3.0  # SD beyond which a station counts less
 
 
 class Sums(NamedTuple):

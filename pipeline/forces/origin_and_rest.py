@@ -20,9 +20,10 @@ from scipy.linalg import block_diag
 
 from pipeline.forces.rest_shape import of_polynomials
 from pipeline.forces.rod_fit import N_REST, RestPrior, ShapeFit
+from pipeline.kinematics.stations import BLOCK_ROWS
+from pipeline.numerics.runs import parts
 from whiskermodel.whisker import Whisker
 
-BLOCK_ROWS = 4096  # held in memory at a time
 FLAT_M = 1.0  # standard error of an origin of which nothing is known
 
 
@@ -83,8 +84,8 @@ class OriginAndRest:
         n = len(prior.drift)
         origin, variance, drift = np.empty(n), np.empty(n), prior.drift.copy()
         by_origin, shared = np.empty_like(drift), np.empty_like(prior.cov)
-        for first in range(0, n, BLOCK_ROWS):
-            rows = np.arange(first, min(first + BLOCK_ROWS, n))
+        for part in parts(n, BLOCK_ROWS):
+            rows = np.arange(part.start, part.stop)
             own, rest, both = self._moments(rows)
             origin[rows], variance[rows] = own
             drift[rows] += rest[0]

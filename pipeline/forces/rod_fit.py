@@ -51,7 +51,7 @@ from pipeline.forces.rod_types import (
     Seen,
     Setup,
 )
-from pipeline.kinematics.stations import N_STATIONS, Stations
+from pipeline.kinematics.stations import BLOCK_ROWS, N_STATIONS, Stations
 from pipeline.numerics.cholesky import factorise, invert
 from whiskermodel.whisker import Whisker
 
@@ -61,7 +61,6 @@ FINE_SETTLED_SD = 1e-4  # … where the likelihood's slope by the origin is need
 PLACE_MOVES_M = 2e-6  # the contact point is moved along the whisker in steps above this, …
 PLACE_SD = 0.002  # … and the rod integrated again beyond this, in arc lengths and SD of the force
 FEWEST_STATIONS = 10
-BLOCK_ROWS = 2048  # held in memory at a time
 LOADS = ("force", "moment", "axial", "lateral")
 CHORD = 2  # stations either side whose chord has the direction between
 

@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from pipeline.kinematics.stations import BLOCK_ROWS
 from pipeline.numerics.cholesky import factorise, solve
 from pipeline.numerics.robust import robust_sd, trimmed_part
-from pipeline.numerics.runs import evenly
+from pipeline.numerics.runs import evenly, parts
 from pipeline.session.parameters import KinematicsParams
 
 FEWEST_STATIONS = 8
@@ -32,7 +33,6 @@ FUR = 4.0  # times the usual excess: what lies over the whisker moves it
 HUBER = 3.0  # usual misfits beyond which a station counts less
 LOOSE = np.array([1e3, 1e3, 3.0, 3.0])  # SD [rad] of what any base may have
 LEAST_KNOWN = 1e-12
-BLOCK_ROWS = 8192  # held in memory at a time
 PIECES = 16  # of a curve that is walked along
 
 
@@ -58,8 +58,8 @@ class BaseCurves:
 
     def rows(self, rows) -> "BaseCurves":
         """Return a copy of the given rows."""
-        parts = (each[rows] for each in (self.x, self.y, self.shape, self.root))
-        return BaseCurves(self.middle, self.half, *parts)
+        own = (each[rows] for each in (self.x, self.y, self.shape, self.root))
+        return BaseCurves(self.middle, self.half, *own)
 
 
 def lay_to(x, y, shape, half, z):
@@ -90,11 +90,11 @@ def fit_base_curves(places, pixels_per_m: float, params: KinematicsParams) -> Ba
     for _ in range(LEARNING_PASSES):
         excess = _excess(sample, grid, excess)
     red = _redness(sample, grid, excess)
-    parts = [
-        _fit(_seen(places.rows(slice(a, a + BLOCK_ROWS)).loaded(), span), grid, excess)[:3]
-        for a in range(0, len(places), BLOCK_ROWS)
+    fitted = [
+        _fit(_seen(places.rows(rows).loaded(), span), grid, excess)[:3]
+        for rows in parts(len(places), BLOCK_ROWS)
     ]
-    place, shape, root = (np.concatenate(each) for each in zip(*parts, strict=True))
+    place, shape, root = (np.concatenate(each) for each in zip(*fitted, strict=True))
     return BaseCurves(grid.middle, grid.half, place[:, 0], place[:, 1], shape, root * red)
 
 

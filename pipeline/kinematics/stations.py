@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.scene.dust import INNER
 
 N_STATIONS = 49  # over the whisker's length: 0.375 mm apart on a mouse's C2
+BLOCK_ROWS = 2048  # whose places are held in memory at a time
 # fields that are not one per row
 SHARED = ("names", "spacing", "pole_radius", "pixel", "file", "added_variance")
 
