@@ -14,7 +14,7 @@ from pipeline.contacts import (
     no_contacts,
 )
 from pipeline.detection import PoleTrack
-from pipeline.errors import InputError, VideoError
+from pipeline.errors import InputError
 from pipeline.forces import estimate_forces
 from pipeline.identity import Unnamed, assign_identities
 from pipeline.kinematics import (
@@ -37,7 +37,6 @@ from pipeline.scene import (
     without_poles,
     working_scale,
 )
-from pipeline.scene.picture_part import LEAST_PX
 from pipeline.session import settings_given
 from pipeline.tables import CONTACT_COLUMNS, FRAME_COLUMNS, Centrelines, with_units
 from pipeline.tables.centrelines import lines_of_table
@@ -193,13 +192,6 @@ def look_at(video, settings, prepared=None):
 
     Epochs say what stands still, and until when. `prepared`: as `prepare_video` gives, if known.
     """
-    if min(video.shape) < LEAST_PX:
-        raise VideoError(
-            video.path,
-            f"has frames of {video.width}×{video.height} px: expected at least {LEAST_PX} px "
-            "either way, or no whisker can be seen; export it larger",
-            0,
-        )
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced
     prepared = prepared or prepare_video(video, settings.image)
     seen, video = survey(prepared, recording, params.scene), prepared.video

@@ -172,7 +172,7 @@ def _document(look):
 
 def _usual_scale(video) -> float:
     """Pixels per mm where the picture shows as much as is usual."""
-    return scale_of(video.shape, FIELD_MM)
+    return max(scale_of(video.shape, FIELD_MM), 1.0)  # the least that settings take
 
 
 def _scene_and_scale(look):

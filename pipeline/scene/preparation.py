@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.errors import VideoError
 from pipeline.numerics.runs import evenly
 from pipeline.scene.changing_light import usual_light
-from pipeline.scene.picture_part import PicturePart, part_of, within_margins
+from pipeline.scene.picture_part import LEAST_PX, PicturePart, part_of, within_margins
 from pipeline.scene.polarity import whiskers_are_bright
 from pipeline.scene.scale import FIELD_MM, scale_of
 from pipeline.scene.shake import still_of
@@ -54,8 +55,16 @@ def prepare_video(video, image: ImageSettings | None = None) -> PreparedVideo:
     Raises
     ------
     VideoError
-        If not even one frame can be read, or `image` leaves nothing of the picture.
+        If not even one frame can be read, or the picture, or what `image` leaves of it, is too
+        small.
     """
+    if min(video.shape) < LEAST_PX:
+        raise VideoError(
+            video.path,
+            f"has frames of {video.width}×{video.height} px: expected at least {LEAST_PX} px "
+            "either way, or no whisker can be seen; export it larger",
+            0,
+        )
     image = image or ImageSettings()
     indices, frames = map(np.array, zip(*without_black(video.sampled(N_FRAMES)), strict=True))
     part = part_of(image, video) or within_margins(_few(frames))

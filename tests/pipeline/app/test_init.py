@@ -85,6 +85,15 @@ def test_a_round_thing_beside_two_things_that_move_amid_the_picture_is_no_pole(t
     assert look.pole is None
 
 
+def test_pictures_too_small_for_whiskers_are_refused_in_words(tmp_path):
+    (tmp_path / "b").mkdir()
+    tifffile.imwrite(tmp_path / "a.tif", np.full((5, 15, 640), 200, np.uint8))
+    with pytest.raises(InputError, match=r"a\.tif: has frames of 640×15 px: expected at least 16"):
+        init_folder(tmp_path)
+    tifffile.imwrite(tmp_path / "b" / "a.tif", np.full((5, 16, 16), 200, np.uint8))
+    assert init_folder(tmp_path / "b")[0] == "looked at a.tif"
+
+
 def test_a_first_session_says_what_is_a_guess_and_when_its_whiskers_count():
     document, notes = findings({"a.avi": Look(Path("a.avi"), scene(DISC), 25.0, ("w1", "w2"))})
     document["whisker"] = [{"name": "w1"}, {"name": "w2"}]
