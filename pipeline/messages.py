@@ -402,9 +402,9 @@ def _passes_over(settings, tables, pole):
     if pole is None or settings.pole.position_px is not None:
         return
     across = tables.evidence[tables.evidence["across"]].groupby("whisker", sort=False).size()
-    x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
     for name, frames in across.items():
         if frames > SELDOM_ACROSS and name not in set(tables.contacts["whisker"]):
+            x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
             yield (
                 f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in "
                 f"{counted(frames, 'frame')} without touching it; if that is dust, give [pole] "

@@ -131,7 +131,7 @@ def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections
     corrections = corrections_given(corrections)
     keep = keep or (lambda chunk: stored.append(chunk.points_only()))
     lines = lines if isinstance(lines, Centrelines) else lines_of_table(lines)
-    n_frames = max(n_frames, int(lines.frame.max(initial=-1)) + 1)
+    n_frames = max(int(n_frames), int(lines.frame.max(initial=-1)) + 1)
     _check_pole(pole, n_frames)
     kinematics = measure_lines(
         lines, settings, pole or _given_pole(settings), n_frames, keep, clock

@@ -234,6 +234,19 @@ def _lines(*frames):
         (pd.DataFrame({"frame": [0]}), "session.toml", ValueError, "needs the column whisker"),
         (_lines(0.5), "session.toml", ValueError, r"row 0: frame is .*0\.5.*: expected a whole"),
         (_lines(-1), "session.toml", ValueError, "row 0: frame is .*-1.*: expected a whole"),
+        (_lines(10**10), "session.toml", ValueError, "row 0: frame is 10000000000: expected a"),
+        (
+            _lines(0, 1).assign(whisker=["C2", None]),
+            "session.toml",
+            ValueError,
+            "row 1: whisker is nan: expected its name",
+        ),
+        (
+            _lines(0).assign(x_px="[1. 2.]"),
+            "session.toml",
+            ValueError,
+            r"row 0: has '\[1\. 2\.\]' in place of a list of numbers",
+        ),
         (
             _lines(4, 4),
             "session.toml",
@@ -269,6 +282,15 @@ def test_corrections_are_checked_before_anything_is_analysed(given, words):
         analyse("gone.avi", settings, corrections=given)
     with pytest.raises(InputError, match=words):
         analyse_lines(_lines(0), settings, corrections=given)
+
+
+def test_a_pole_may_never_be_in_view_and_a_count_be_a_float():
+    settings = {"recording": {"frames_per_second": 1e3, "pixels_per_mm": 25, "face": "left"}}
+    away = PoleTrack(np.array([np.nan]), np.array([np.nan]), 6.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        found = analyse_lines(_lines(*range(6)), settings, away, 7.0)
+    assert (found.n_frames, len(found.contacts)) == (7, 0)
 
 
 def test_of_a_video_without_whiskers_only_a_message_is_said():

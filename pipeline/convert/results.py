@@ -16,7 +16,12 @@ from pipeline.session.results_folders import need_results
 from pipeline.session.schema import Settings
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
-from pipeline.tables.centrelines import Centrelines, read_centrelines
+from pipeline.tables.centrelines import (
+    MOST_FRAMES,
+    Centrelines,
+    are_frames,
+    read_centrelines,
+)
 from pipeline.tables.columns import CONTACT_COLUMNS, VIDEO_COLUMNS
 from pipeline.tables.run_record import (
     found_video,
@@ -26,7 +31,6 @@ from pipeline.tables.run_record import (
     recorded_path,
 )
 
-MOST_FRAMES = 10_000_000  # a larger number is damage
 TRIAL_NUMBER = re.compile(r".*[-_](\d{1,18})$")  # of a video's name
 
 
@@ -141,7 +145,7 @@ def read_results(folder) -> list[VideoResults]:
 def frames_of(numbers) -> np.ndarray:
     """Frame numbers (rows,) as integers; ValueError where these are none of a video."""
     given = np.asarray(numbers, float)
-    if not ((given >= 0) & (given <= MOST_FRAMES) & (given == np.rint(given))).all():
+    if not are_frames(given).all():
         raise ValueError(f"a frame that is no whole number from 0 to {MOST_FRAMES}")
     return given.astype(np.int64)
 

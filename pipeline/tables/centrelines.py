@@ -9,6 +9,7 @@ import pandas as pd
 from pipeline.tables.columns import CENTRELINE_COLUMNS, as_table, with_units
 from pipeline.tables.files import ROWS_PER_GROUP, parquet_writer, read_rows, whole_parquet
 
+MOST_FRAMES = 10_000_000  # a larger number is damage, or a time
 PER_ROW = ("frame", "whisker", "confidence", "end_px", "hidden_px")
 PER_POINT = ("x_px", "y_px", "se_px", "offset_px", "information", "thickness_px")
 
@@ -174,18 +175,18 @@ def lines_of_table(table: pd.DataFrame) -> Centrelines:
     Raises
     ------
     ValueError
-        Where it is no table or a column is missing, a frame has no number or a whisker several
-        lines in it, or x and y of a row differ in length.
+        Where it is no table or a column is missing, a frame has no number or a whisker no name or
+        several lines in it, or x and y of a row are no numbers or differ in length.
     """
     check_table(table)
-    x, y = ([np.asarray(v, np.float32) for v in table[name]] for name in ("x_px", "y_px"))
+    x, y = (list(map(_numbers, range(len(table)), table[name])) for name in ("x_px", "y_px"))
     for row, (one, other) in enumerate(zip(x, y, strict=True)):
         if one.ndim != 1 or one.shape != other.shape:
             raise ValueError(
                 f"row {row}: x_px has the shape {one.shape}, y_px {other.shape}: expected a list "
                 "of as many numbers in both"
             )
-    _check_frames(table)
+    _check_rows(table)
     names = tuple(dict.fromkeys(table["whisker"]))
     whisker = [names.index(name) for name in table["whisker"]]
     points = [np.concatenate([*each, np.empty(0, np.float32)]) for each in (x, y)]
@@ -207,17 +208,38 @@ def check_table(table) -> None:
             )
 
 
-def _check_frames(table) -> None:
-    """ValueError where a row's frame is no whole number from 0 on, or a whisker is there twice."""
+def _numbers(row, values) -> np.ndarray:
+    """The numbers in a cell of the table, float32; ValueError where it holds something else."""
+    try:
+        return np.asarray(values, np.float32)
+    except ValueError:
+        raise ValueError(
+            f"row {row}: has {str(values)[:40]!r} in place of a list of numbers; read the table "
+            "from a parquet file, which keeps lists"
+        ) from None
+
+
+def _check_rows(table) -> None:
+    """ValueError where a row has no name or number of a frame, or a whisker is there twice."""
+    for row, name in enumerate(table["whisker"]):
+        if not isinstance(name, str):
+            raise ValueError(f"row {row}: whisker is {name!r}: expected its name, a text")
     frame = pd.to_numeric(table["frame"], errors="coerce").to_numpy(float)
-    for row in np.flatnonzero(~((frame >= 0) & (frame == np.floor(frame)))):
-        value = table["frame"].iloc[row]
-        raise ValueError(f"row {row}: frame is {value!r}: expected a whole number from 0 on")
+    for row in np.flatnonzero(~are_frames(frame)):
+        value = table["frame"].tolist()[row]
+        raise ValueError(
+            f"row {row}: frame is {value!r}: expected a whole number from 0 to {MOST_FRAMES}"
+        )
     for row in np.flatnonzero(table.duplicated(["frame", "whisker"])):
         name = table["whisker"].iloc[row]
         raise ValueError(
             f"row {row}: a second line of whisker {name} in frame {frame[row]:.0f}: expected one"
         )
+
+
+def are_frames(numbers) -> np.ndarray:
+    """Which numbers (rows,) may be those of a video's frames, bool (rows,)."""
+    return (numbers >= 0) & (numbers <= MOST_FRAMES) & (numbers == np.floor(numbers))
 
 
 def centreline_chunks(path, filters=None):
