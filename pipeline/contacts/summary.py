@@ -1,5 +1,7 @@
 """Rows of contacts.csv: forces of each contact, and the uncertainty of its peak."""
 
+from collections import Counter
+
 import numpy as np
 import pandas as pd
 from scipy.ndimage import binary_dilation
@@ -39,24 +41,21 @@ def contact_table(
     courses = by_whisker(_courses(frames, evidence, method))
     for own in courses.values():
         own["free"] = ~binary_dilation(own.pop("touching"))
-    rows, numbers = [], {}
+    rows, numbers, rate = [], Counter(), recording.frames_per_second
     intervals = intervals.to_dict("records")
     for interval in sorted(intervals, key=lambda each: (each["whisker"], each["onset_frame"])):
-        name = interval["whisker"]
-        numbers[name] = numbers.get(name, 0) + 1
-        edges = interval["onset_frame"], interval["offset_frame"]
+        name, onset, offset = (interval[c] for c in ("whisker", "onset_frame", "offset_frame"))
+        numbers[name] += 1
         rows.append(
             {
                 "video": video,
                 "whisker": name,
                 "contact": numbers[name],
-                "onset_frame": int(interval["onset_frame"]),
-                "offset_frame": int(interval["offset_frame"]),
-                "onset_s": interval["onset_frame"] / recording.frames_per_second,
-                "duration_ms": 1e3
-                * (interval["offset_frame"] - interval["onset_frame"])
-                / recording.frames_per_second,
-                **_contact_row(courses[name], *edges, 1e3 / recording.frames_per_second),
+                "onset_frame": onset,
+                "offset_frame": offset,
+                "onset_s": onset / rate,
+                "duration_ms": 1e3 * (offset - onset) / rate,
+                **_contact_row(courses[name], onset, offset, 1e3 / rate),
                 "slip": bool(interval.get("slip", False)),
                 "curated": bool(interval.get("curated", False)),
                 "flags": interval.get("flags", "") or "",

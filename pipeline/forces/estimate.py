@@ -53,21 +53,18 @@ def estimate_forces(
     kinematics = frames[["time_s", *MEASURED]]
     for index, name in enumerate(places.names):
         all_rows = places.of(name)
-        length = (N_STATIONS - 1) * places.spacing[index]
-        whisker = whiskers.get(name)
-        if whisker is None:
+        known = whisker = whiskers.get(name)
+        if known is None:  # what stands in for it has another tip
+            length = (N_STATIONS - 1) * places.spacing[index]
             whisker = nominal_whisker(name, length / BEYOND_TRACE, 0.0)
-            all_rows = replace(
-                all_rows, end_px=np.full_like(all_rows.end_px, np.nan)
-            )  # unknown length
+            all_rows = replace(all_rows, end_px=np.full_like(all_rows.end_px, np.nan))
         for part in parts(len(all_rows), PART_ROWS):
             own = all_rows.rows(part)
             rows = rows_of(frames, name, own.frame)
             evidence, measured = forces.measure_forces(
                 own, whisker, kinematics.loc[rows], curvature_at, friction, params=params
             )
-            if whiskers.get(name) is None:
-                # what stands in for it may bend otherwise
+            if known is None:  # and may bend otherwise
                 evidence[["chi2", "bending_origin_m", "bending_origin_se_m"]] = np.nan
             _fill(new, rows, measured, pixels_per_m)
             new["pole_distance_mm"][rows] = 1e3 * evidence["distance_m"]
