@@ -24,7 +24,6 @@ _TERMS = 56  # and of a mode's response
 _SLOW = 24.0  # rad of a mode in half a span, up to which a polynomial follows it throughout
 _SPREAD = 2.0  # from one span to the next
 _BATCH = 64  # contacts per matrix product, to stay in the cache
-_EXTREMES_BATCH = 256
 
 
 def half_gaussian_moments(response, contact_arc_length, peak_force, duration, time):
@@ -114,8 +113,8 @@ def half_gaussian_extremes(
     for number in np.unique(which):
         rows = np.flatnonzero(which == number)
         moments = HalfGaussianMoments(response, np.arange(0, duration[rows].max() + ringing, dt))
-        for start in range(0, len(rows), _EXTREMES_BATCH):
-            some = rows[start : start + _EXTREMES_BATCH]
+        for start in range(0, len(rows), _BATCH):
+            some = rows[start : start + _BATCH]
             _, vibrational = moments(c[some], peak[some], duration[some])
             out[1:, some] = vibrational.max(axis=1), vibrational.min(axis=1)
     return out

@@ -21,8 +21,8 @@ from pipeline.session.parameters import KinematicsParams
 from pipeline.session.recording import Recording
 from pipeline.tables.centrelines import Centrelines
 
-BLOCK_PX = 24  # longer than the noise of compressed video is correlated
-RED_DEGREE = 6  # of the polynomial that this correlation is looked for about
+BLOCK_PX = 24  # longer than noise is correlated along a line, of compressed video or a tracker
+NOISE_DEGREE = 6  # of the polynomial that it is looked for about
 RED_EVERY = 12  # rows between two in which it is
 RED_SKEW = 1.5  # mean over median of such variances, and what is longer still than a block
 
@@ -127,11 +127,11 @@ def _polynomial(points, information, degree, coefficients, inverse):
 def redness(x, y, offset, information, first, last):
     """Variance of the errors over long stretches of a whisker, over that of white noise.
 
-    A polynomial of RED_DEGREE is fitted to the nodes first … last − 1, and the standardised
+    A polynomial of NOISE_DEGREE is fitted to the nodes first … last − 1, and the standardised
     residuals are summed over blocks of BLOCK_PX. Returned is the variance of these sums over
     that expected of white residuals of the same fit; NaN where the whisker is too short.
     """
-    size = RED_DEGREE + 1
+    size = NOISE_DEGREE + 1
     coefficients = np.zeros(size)
     inverse = np.zeros((size, size))
     if (last - first) // BLOCK_PX < size + 3:

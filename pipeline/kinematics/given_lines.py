@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
+from pipeline.kinematics.curvature import BLOCK_PX, NOISE_DEGREE
 from pipeline.numerics.polyline import arc_along
 from pipeline.numerics.runs import evenly
 from pipeline.tables.centrelines import Centrelines
@@ -17,8 +18,6 @@ from pipeline.tables.centrelines import Centrelines
 SMOOTHED_NODES, SMOOTHED_DEGREE = 21, 3  # the curve is a running cubic
 FARTHEST_PX = 1e5  # of a point from the first pixel: what lies beyond is damage
 FEWEST_NODES = SMOOTHED_NODES + 4  # of a line that is used
-BLOCK_NODES = 24  # longer than the noise of a tracker is correlated
-NOISE_DEGREE = 6  # of the polynomial that noise is looked for about
 FREE_BLOCKS = 3  # at least, beyond those that the polynomial takes
 NOISY_ROWS = 200  # of each whisker: enough to estimate its noise
 USUAL_NOISE_PX = 0.3  # where the lines are too short to show it
@@ -105,7 +104,7 @@ def _row_variance(lines, i):
     """Noise variance of one row, by its block means about a polynomial; None: too short."""
     part = slice(lines.offsets[i], lines.offsets[i + 1])
     points = lines.row(i).astype(float)
-    blocks = len(points) // BLOCK_NODES
+    blocks = len(points) // BLOCK_PX
     if blocks < NOISE_DEGREE + 1 + FREE_BLOCKS:
         return None
     tangent = np.gradient(points, axis=0)
@@ -115,10 +114,10 @@ def _row_variance(lines, i):
     u = np.linspace(-1, 1, len(points))
     basis, _ = np.linalg.qr(np.polynomial.legendre.legvander(u, NOISE_DEGREE))
     away = np.sum((raw - basis @ (basis.T @ raw)) * normal, axis=1)
-    n = blocks * BLOCK_NODES
+    n = blocks * BLOCK_PX
     means = away[:n].reshape(blocks, -1).mean(axis=1)
-    taken = BLOCK_NODES * np.sum(basis[:n].reshape(blocks, BLOCK_NODES, -1).mean(axis=1) ** 2)
-    return BLOCK_NODES * np.sum(means**2) / chdtri(blocks - taken, 0.5)  # so its median is right
+    taken = BLOCK_PX * np.sum(basis[:n].reshape(blocks, BLOCK_PX, -1).mean(axis=1) ** 2)
+    return BLOCK_PX * np.sum(means**2) / chdtri(blocks - taken, 0.5)  # so its median is right
 
 
 def sample_of(lines: Centrelines, most: int = 48) -> Centrelines:
