@@ -48,8 +48,9 @@ def scores_of(xy, given):
     """Scores of points at `xy` (…, 2): those `given`, 0 where there is no point.
 
     A point without a score is a person's, as programs give scores to their own ones only: it is 1.
+    SLEAP's are heights of a peak, and may be a little more than 1.
     """
-    return np.where(is_place(xy), np.where(np.isnan(given), 1.0, given), 0.0)
+    return np.where(is_place(xy), np.fmin(given, 1.0), 0.0)
 
 
 def lines_of(points: KeyPoints, settings, source, names=()) -> Centrelines:

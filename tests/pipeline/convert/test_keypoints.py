@@ -285,6 +285,14 @@ def test_another_number_of_whiskers_is_reported(motion, points):
         lines_of(few, settings_of(motion), "a.csv")
 
 
+def test_no_score_is_above_one(tmp_path):
+    """SLEAP's are heights of a peak that the network has learnt to be 1."""
+    marked = several(("a",))
+    marked.score[2] = 1.04
+    sleap_table(marked).to_csv(tmp_path / "sleap.csv", index=False)
+    assert read_sleap(tmp_path / "sleap.csv").score.max() == 1
+
+
 def test_points_that_a_person_has_placed_have_no_score_and_are_certain(tmp_path):
     """SLEAP scores its own points only; a score that is not a number stands for none."""
     marked = several()
