@@ -74,7 +74,7 @@ def named_slips(results, places) -> list[Slip]:
     slips = []
     for place in places:
         *names, frame = place.rsplit(":", 2)  # a video may have colons in its name
-        if not frame.strip().isdigit():
+        if not frame.strip().isdecimal():
             raise ValueError(
                 f"--frames {place}: expected VIDEO:WHISKER:FRAME, or FRAME where there is one "
                 "video and whisker; the first frame in which the whisker is free"

@@ -104,11 +104,11 @@ def _start_time(start, video) -> datetime:
     if start:
         try:
             time = datetime.fromisoformat(start)
-        except ValueError:
+            return time if time.tzinfo else time.astimezone()
+        except (ValueError, OverflowError):
             raise InputError(
                 f"--start {start}: is not a date and time; expected e.g. 2024-05-31T14:30:00+02:00"
             ) from None
-        return time if time.tzinfo else time.astimezone()
     source = video.source or video.folder
     return datetime.fromtimestamp(source.stat().st_mtime, UTC)
 

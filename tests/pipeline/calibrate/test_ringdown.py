@@ -190,6 +190,7 @@ def test_frames_may_be_named(tmp_path):
         ("two:70", "expected a video of one"),
         ("one:D1:70", "expected a whisker of C2"),
         ("one:C2:x", "VIDEO:WHISKER:FRAME"),
+        ("one:C2:²", "VIDEO:WHISKER:FRAME"),
         ("other:one:C2:70", "expected a video of one"),
     ):
         with pytest.raises(ValueError, match=word):

@@ -134,9 +134,10 @@ def test_another_video_of_that_name_is_not_referred_to(videos, tmp_path, monkeyp
         assert nwb.session_start_time.year > 1970
 
 
-def test_a_wrong_date_is_reported(videos, tmp_path):
-    with pytest.raises(InputError, match="--start yesterday: is not a date"):
-        write_nwb(tmp_path, videos[0], "yesterday")
+@pytest.mark.parametrize("start", ["yesterday", "0001-01-01"])
+def test_a_wrong_date_is_reported(videos, tmp_path, start):
+    with pytest.raises(InputError, match=f"--start {start}: is not a date"):
+        write_nwb(tmp_path, videos[0], start)
 
 
 @pytest.mark.parametrize("age", ["P90D", "P2Y6M", "PT12H", "P1D/P3D", "P90Y/"])
