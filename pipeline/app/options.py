@@ -35,7 +35,7 @@ def _number(text) -> float:
         return float(text)
     except ValueError:
         raise typer.BadParameter(
-            f"{text}: expected a number with a decimal point, such as 2.5"
+            f"{text!r}: expected a number with a decimal point, such as 2.5"
         ) from None
 
 

@@ -24,7 +24,7 @@ ORDINARY = 2.5  # ratio of misfits that may be chance
 def locate_follicles(chunks, samples: Centrelines, options):
     """Yield the chunks with every row's hidden length.
 
-    Points that fur shifts get less information (`FurTrust`). The chunks stay as they are where
+    Points that fur shifts get less information (`FurNoise`). The chunks stay as they are where
     the hidden lengths are not known, or a whisker has no sample.
 
     Parameters
@@ -38,13 +38,13 @@ def locate_follicles(chunks, samples: Centrelines, options):
     if len(options.hidden_px) != len(samples.names) or not sampled:
         yield from chunks
         return
-    trust = FurTrust(samples, options.pixels_per_m, params)
-    finder = FollicleFinder(trust.weigh(samples), options.hidden_px, options.pixels_per_m, params)
+    noise = FurNoise(samples, options.pixels_per_m, params)
+    finder = FollicleFinder(noise.weigh(samples), options.hidden_px, options.pixels_per_m, params)
     for chunk in chunks:
-        yield finder.place(trust.weigh(chunk))
+        yield finder.place(noise.weigh(chunk))
 
 
-class FurTrust:
+class FurNoise:
     """Excess error of the first visible part of each whisker, by fur, over that by noise.
 
     Parameters

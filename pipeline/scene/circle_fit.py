@@ -11,7 +11,7 @@ from scipy.special import erfc
 from pipeline.numerics.robust import robust_sd
 from pipeline.numerics.runs import runs_around
 
-RADIUS_TRUST = 0.05  # SD of the expected radius, relative: counts only where little edge is free
+RADIUS_SD = 0.05  # of the expected radius, relative: counts only where little edge is free
 PIXEL_SD = 0.015  # of a pixel's misfit, share of the light: weighs the expected radius
 N_RAYS = 180
 LEAST_FITTED_ARC = 0.15  # of the circumference must be free of any shade
@@ -202,14 +202,14 @@ def _fit_edge(image, x, y, radius, used, expected):
     disc's.
     """
     px, py, values = _edge_pixels(image, x, y, radius, used)
-    trust = PIXEL_SD / (RADIUS_TRUST * expected)
+    weight = PIXEL_SD / (RADIUS_SD * expected)
 
     def residuals(p):
         disc = Disc.of(p)
-        return np.append(disc.light(px, py) - values, trust * (disc.radius - expected))
+        return np.append(disc.light(px, py) - values, weight * (disc.radius - expected))
 
     def slopes(p):
-        by = np.vstack([Disc.of(p).slopes(px, py), [0, 0, trust, 0, 0, 0]])
+        by = np.vstack([Disc.of(p).slopes(px, py), [0, 0, weight, 0, 0, 0]])
         by[:, 3] *= np.sign(p[3])
         return by
 

@@ -158,7 +158,7 @@ def test_a_port_that_cannot_be_is_refused(capsys, tmp_path):
 
 def test_a_decimal_comma_is_refused_in_words(capsys, tmp_path):
     assert exit_code("calibrate", "dust", tmp_path, "--out", tmp_path, "--at-mm", "0,5") == 2
-    assert "'--at-mm': 0,5: expected a number with a decimal point" in capsys.readouterr().err
+    assert "'--at-mm': '0,5': expected a number with a decimal point" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.kinematics.follicle import follicles
-from pipeline.kinematics.fur_noise import FurTrust
+from pipeline.kinematics.fur_noise import FurNoise
 from pipeline.session.parameters import DEFAULTS
 from pipeline.tables.centrelines import Centrelines
 
@@ -65,7 +65,7 @@ def test_noise_is_not_taken_for_fur(red):
     """Of white noise, and of noise that runs along the line, in nine videos of ten at least."""
     found = [
         (
-            FurTrust(
+            FurNoise(
                 whiskers(np.random.default_rng(seed), red=red), PX_PER_M, DEFAULTS.kinematics
             ).excess
             > 1
@@ -77,25 +77,25 @@ def test_noise_is_not_taken_for_fur(red):
 
 def test_fur_is_found_where_it_is():
     lines = whiskers(np.random.default_rng(1), DRAWN)
-    trust = FurTrust(lines, PX_PER_M, DEFAULTS.kinematics)
-    assert trust.excess[0, 3] > 50  # 0.5 px of fur are 17 SD of a point
-    assert (trust.excess[0, 25:] == 1).all()
-    weighed = trust.weigh(lines).information
-    np.testing.assert_allclose(weighed[400:410] * trust.excess[0, :10], SD**-2)
+    noise = FurNoise(lines, PX_PER_M, DEFAULTS.kinematics)
+    assert noise.excess[0, 3] > 50  # 0.5 px of fur are 17 SD of a point
+    assert (noise.excess[0, 25:] == 1).all()
+    weighed = noise.weigh(lines).information
+    np.testing.assert_allclose(weighed[400:410] * noise.excess[0, :10], SD**-2)
     np.testing.assert_allclose(weighed[440:800], SD**-2)
 
 
 def test_fur_does_not_turn_the_base():
     lines = whiskers(np.random.default_rng(2), DRAWN)
     believed = base_angle_sd(lines)
-    weighed = base_angle_sd(FurTrust(lines, PX_PER_M, DEFAULTS.kinematics).weigh(lines))
+    weighed = base_angle_sd(FurNoise(lines, PX_PER_M, DEFAULTS.kinematics).weigh(lines))
     assert weighed < base_angle_tolerance
     assert weighed < believed / 2
 
 
 def test_short_lines_are_left_alone():
     lines = whiskers(np.random.default_rng(3), DRAWN)
-    few = FurTrust(replace(lines, offsets=lines.offsets[:6], frame=lines.frame[:5],
+    few = FurNoise(replace(lines, offsets=lines.offsets[:6], frame=lines.frame[:5],
                            whisker=lines.whisker[:5]), PX_PER_M, DEFAULTS.kinematics)  # fmt: skip
     assert (few.excess == 1).all()
     assert few.weigh(lines) is lines
