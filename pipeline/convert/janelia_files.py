@@ -16,8 +16,7 @@ from pipeline.tables.whole_files import whole_file
 WHISKERS_MAGIC = b"bwhiskbin1\0\0"
 MEASUREMENTS_MAGIC = {b"measV1\0\0": 1, b"measv2\0\0": 2, b"measv3\0\0": 3}
 HEAD = struct.Struct("<3i")  # of a segment: its number, frame, count of points
-NOT_A_WHISKER = -1
-LENGTH, SCORE, ANGLE, CURVATURE, FOLLICLE_X, FOLLICLE_Y, TIP_X, TIP_Y = COLUMNS = range(8)
+FOLLICLE = 4, 5  # the columns of values with its x and y
 BYTES_OF_ROW = {1: 40, 2: 48, 3: 41}  # before the values, as 64-bit systems write them
 
 
@@ -43,8 +42,8 @@ class Measurements:
     face : (x, y) [px]
     face_axis : "x", "y" or "" where the version does not say
     follicle_columns : columns of `values` with the follicle's x and y
-    values, velocity : float64 (rows, columns); the columns are COLUMNS, and behind them the
-        distance to the bar where there is one
+    values, velocity : float64 (rows, columns); the columns are length, score, angle, curvature,
+        follicle's x and y, tip's x and y, and the distance to the bar where there is one
     velocity_known : bool (rows,)
     """
 
@@ -56,7 +55,7 @@ class Measurements:
     velocity_known: np.ndarray
     face: tuple[int, int] = (0, 0)
     face_axis: str = ""
-    follicle_columns: tuple[int, int] = (FOLLICLE_X, FOLLICLE_Y)
+    follicle_columns: tuple[int, int] = FOLLICLE
 
     def __len__(self):
         return len(self.frame)
@@ -142,7 +141,7 @@ def read_measurements(path) -> Measurements:
     rows = _rows(data, version, path)[::-1]  # the last row comes first in the file
     head = rows["head"]
     axis = rows["axis"][0].decode("latin-1") if version > 1 and len(rows) else ""
-    first = head[0] if len(rows) else np.array([0, 0, 0, 0, 0, 0, FOLLICLE_X, FOLLICLE_Y, 0, 0])
+    first = head[0] if len(rows) else np.array([0, 0, 0, 0, 0, 0, *FOLLICLE, 0, 0])
     return Measurements(
         frame=head[:, 1].copy(),
         segment=head[:, 2].copy(),

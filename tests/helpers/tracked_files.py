@@ -21,7 +21,7 @@ def write_tracked(folder, motion, seed=0, stem="trial") -> None:
     lines = traced_motion.trace_lines(motion, rng, 0.001)
     segments = [segment for row in range(len(lines)) for segment in _pair(lines, row, rng)]
     table = janelia.measured(segments, "left")
-    table.label[table.segment >= 10] = janelia_files.NOT_A_WHISKER
+    table.label[table.segment >= 10] = -1  # no whisker
     turned = [s._replace(x=s.x[::-1], y=s.y[::-1]) if rng.random() < 0.3 else s for s in segments]
     janelia_files.write_whiskers(folder / f"{stem}.whiskers", turned)
     janelia_files.write_measurements(folder / f"{stem}.measurements", table)
