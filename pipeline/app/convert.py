@@ -192,19 +192,29 @@ def _export(results, out, write):
     One whose tables are damaged is left out; InputError where none can be written, or arguments
     cannot be used.
     """
-    from pipeline.app.case_by_case import each
-    from pipeline.convert.results import read_results
     from pipeline.tables.own_files import write_new
 
-    _, left_out = each(
-        read_results(results),
+    _, left_out = _each_of(
+        results,
         lambda video: write_new(out, lambda new: write(new, video), [video.made_of]),
         lambda paths: "\n".join(map(str, paths)),
-        typer.echo,
+    )
+    terminal.leave(left_out)
+
+
+def _each_of(results, read, sentence):
+    """What is read of each video, and why others are left out; a `sentence` on each is printed."""
+    from pipeline.app.case_by_case import each
+    from pipeline.convert.results import read_results
+
+    return each(
+        read_results(results),
+        read,
+        sentence,
+        lambda line: line and typer.echo(line),
         lambda video: f"{video.name}: ",
         none=f"{results}: no video can be exported",
     )
-    terminal.leave(left_out)
 
 
 @exporting.command("mat")
@@ -273,11 +283,12 @@ def export_whacc(results: Results, out: Out, debug: Debug = False):
 
     One HDF5 file for all videos; needs the extra `formats`.
     """
-    from pipeline.convert.results import read_results
     from pipeline.convert.whacc import write_whacc
     from pipeline.tables.own_files import write_new
 
-    videos = read_results(results)
+    read, left_out = _each_of(results, lambda video: (video, video.frames), lambda _: "")
+    videos = [video for video, _ in read]
     made_of = [video.made_of for video in videos]
     for path in write_new(out, lambda new: [write_whacc(new / "whacc.h5", videos)], made_of):
         typer.echo(str(path))
+    terminal.leave(left_out)

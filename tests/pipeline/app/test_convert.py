@@ -78,16 +78,19 @@ def test_the_trackers_own_files_stay_as_they_are(results, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_video_with_damaged_tables_is_left_out_of_an_export(results, tmp_path, capsys):
+@pytest.mark.parametrize(("program", "file"), [("mat", "trial_WL.mat"), ("whacc", "whacc.h5")])
+def test_a_video_with_damaged_tables_is_left_out_of_an_export(
+    results, tmp_path, capsys, program, file
+):
     folder, out = shutil.copytree(results, tmp_path / "results"), tmp_path / "out"
     shutil.copytree(folder / "trial", folder / "bad")
     (folder / "bad" / "frames.parquet").write_bytes(b"damaged")
     videos = pd.read_csv(folder / "videos.csv")
     pd.concat([videos.assign(video="bad"), videos]).to_csv(folder / "videos.csv", index=False)
-    assert run("export", "mat", folder, "--out", out) == 1
-    left_out, written = capsys.readouterr().out.splitlines()  # each said when its turn comes
+    assert run("export", program, folder, "--out", out) == 1
+    left_out, *_, written = capsys.readouterr().out.splitlines()  # each said when its turn comes
     assert left_out.startswith(f"left out: bad: {folder / 'bad' / 'frames.parquet'}: damaged")
-    assert written == str(out / "trial_WL.mat")
+    assert written == str(out / file)
 
 
 def test_a_damaged_file_fails_by_itself(tracked, tmp_path, capsys):
