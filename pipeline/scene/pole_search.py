@@ -99,13 +99,18 @@ def likeness(pole) -> float:
 
 
 def _first_firm(poles, passed_over):
-    """First of the `poles` that whiskers do not pass over; else the first, None without any."""
-    first = None
+    """First of the `poles` that whiskers do not pass over and that is likely beside the likeliest.
+
+    Otherwise the likeliest one, None without any: whiskers may pass before or behind a pole.
+    """
+    likeliest = None
     for pole in poles:
+        likeliest = likeliest or pole
+        if likeness(pole) < RIVAL * likeness(likeliest):
+            continue
         if passed_over is None or not passed_over(pole.x_px, pole.y_px, pole.radius_px):
             return pole
-        first = first or pole
-    return first
+    return likeliest
 
 
 def _shade(image, x, y, radius_px):

@@ -162,6 +162,14 @@ def test_a_whisker_that_never_leaves_the_pole_is_no_part_of_it(direction):
     assert abs(pole.radius_px - radius) < HALF_HIDDEN
 
 
+@pytest.mark.parametrize(("dark", "chosen"), [(0.95, (30, 90)), (0.7, (83.37, 59.81))])
+def test_whiskers_that_pass_over_a_pole_make_only_a_likely_disc_the_pole(dark, chosen):
+    image = scene(83.37, 59.81, 6.25, direction=-1.2)
+    image *= 1 - dark * (1 - disc(image.shape, 30, 90, 6.25, 0.7))
+    pole = find_pole(image, 6.25, passed_over=lambda x, y, radius: x > 60)
+    assert np.hypot(pole.x_px - chosen[0], pole.y_px - chosen[1]) < 0.5
+
+
 def test_given_place_chooses_among_poles():
     image = disc((120, 160), 40.2, 60.3, 6.0, 0.7) * disc((120, 160), 120.6, 50.1, 6.0, 0.7)
     pole = find_pole(image, 6.0, near_xy=(118, 52))
