@@ -81,6 +81,11 @@ def contrast_length(line: Line) -> float:
     return float(line.amplitude[: line.n].sum())
 
 
+def usual_strength(lines) -> float:
+    """Length × absorbance of a whisker's lines [px]; 0 where it was never seen."""
+    return float(np.median([contrast_length(line) for line in lines] or [0.0]))
+
+
 def reach(line) -> float:
     """How far a line's darkness reaches to either side [px]."""
     return max(3.0, 2.0 * float(line.sigma[line.n // 2]))

@@ -22,6 +22,7 @@ from pipeline.tracking.given_lengths import (
 )
 from pipeline.tracking.matching import Ruler
 from pipeline.tracking.snout import anterior_first
+from pipeline.tracking.whisker_evidence import moves, still_hairs
 
 SEEN_TOGETHER = 3.0  # frames: where chance gives so many, two whiskers are seen in one at least
 FEWEST_WHOLE = 3  # lines needed for a whisker's length
@@ -82,8 +83,8 @@ class _Group:
 
     @property
     def strength(self):
-        """How clearly its lines are seen (`usual_strength`)."""
-        return usual_strength(self.lines)
+        """How clearly its lines are seen (`line_choice.usual_strength`)."""
+        return line_choice.usual_strength(self.lines)
 
 
 def templates_of(lines: Centrelines) -> tuple[WhiskerTemplate, ...]:
@@ -96,11 +97,6 @@ def templates_of(lines: Centrelines) -> tuple[WhiskerTemplate, ...]:
         length = np.median(np.diff(lines.offsets)[rows])
         templates.append(WhiskerTemplate(lines.names[k], np.array(place), float(length)))
     return tuple(templates)
-
-
-def usual_strength(lines) -> float:
-    """Length × absorbance of a whisker's lines [px]; 0 where it was never seen."""
-    return float(np.median([line_choice.contrast_length(line) for line in lines] or [0.0]))
 
 
 def usual_absorbance(lines) -> float:
@@ -145,10 +141,12 @@ def templates_and_others(frames, scene, options, names=None, indices=None):
     strength = np.array([g.strength for g in groups])
     often = mostly_seen(share, strength, options.params.tracking)
     chosen = often = often[~_are_hairs([groups[k] for k in often])]
+    templates = [_template(group) for group in groups]
     if names:
-        chosen = np.argsort(-share * np.sqrt(strength))[: len(names)]
-    others = [_template(groups[k]) for k in np.setdiff1d(often, chosen)]
-    templates = [_template(groups[k]) for k in chosen]
+        hair = still_hairs(templates, np.array([moves(g.lines) for g in groups]), len(found))
+        chosen = np.lexsort((-share * np.sqrt(strength), hair))[: len(names)]
+    others = [templates[k] for k in np.setdiff1d(often, chosen)]
+    templates = [templates[k] for k in chosen]
     templates.sort(key=lambda template: ruler.order_place(template.signature))
     templates = anterior_first(templates, options.snout)
     names = names or [f"w{i + 1}" for i in range(len(templates))]
@@ -171,7 +169,7 @@ def mostly_seen(share, strength, params) -> np.ndarray:
     """Numbers of the lines that are seen in enough frames, and are too strong to be fur.
 
     share : of the frames in which each line is seen, (lines,)
-    strength : as in `usual_strength`, (lines,) [px]
+    strength : as in `line_choice.usual_strength`, (lines,) [px]
     params : `TrackerParams`
     """
     often = share >= params.seen_share

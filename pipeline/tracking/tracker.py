@@ -9,7 +9,7 @@ import itertools
 
 import numpy as np
 
-from pipeline.detection import detect, neighbours
+from pipeline.detection import detect, line_choice, neighbours
 from pipeline.detection.frame import Frame
 from pipeline.detection.image_model import ImageModel, lines_in_background
 from pipeline.detection.line import Line, Workspace
@@ -21,7 +21,7 @@ from pipeline.session.quantities import frames_in, pixels_in
 from pipeline.tracking import close_tracks, row_rotation
 from pipeline.tracking.following import Follower
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.registry import WhiskerTemplate, usual_absorbance, usual_strength
+from pipeline.tracking.registry import WhiskerTemplate, usual_absorbance
 from pipeline.tracking.row_prediction import FEWEST_IN_ROW, Rows
 from pipeline.tracking.track_state import Track, moved_on, predicted
 
@@ -46,7 +46,7 @@ class Tracker:
         self.workspace = Workspace.for_picture(scene.background.shape, options.spacing_px)
         samples = [line for template in templates for line in template.samples]
         self.absorbed = usual_absorbance(samples)
-        strengths = [usual_strength(template.samples) for template in templates]
+        strengths = [line_choice.usual_strength(template.samples) for template in templates]
         self.faintest = self.params.faint_share * min(strengths, default=np.inf)
         self.change_scene(scene)
         self.follower = Follower(options)

@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from pipeline.detection import line_choice
 from pipeline.session.schema import SIDES, UPRIGHT
 from pipeline.tracking.given_lengths import GivenLengths
 from pipeline.tracking.matching import Ruler
-from pipeline.tracking.registry import named_as_given, usual_strength
+from pipeline.tracking.registry import named_as_given
 
 FEWEST = 3  # whiskers on a side
 MOST = 0.2, 0.8  # of the places on a side: between these lies what makes its width
@@ -138,4 +139,4 @@ def named_by_side(templates, names, face_side, options, given: GivenLengths):
 
 def _seen(template) -> float:
     """How often and how well a whisker is seen."""
-    return len(template.samples) * np.sqrt(usual_strength(template.samples))
+    return len(template.samples) * np.sqrt(line_choice.usual_strength(template.samples))

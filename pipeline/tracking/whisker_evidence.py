@@ -12,7 +12,6 @@ from pipeline.detection import line_choice
 from pipeline.scene.face import THICKER, far_over_near
 from pipeline.tracking import hairs
 from pipeline.tracking.line_ends import BORDER_PX
-from pipeline.tracking.registry import usual_strength
 
 # a whisker's far third is thinner than its near one by more than this if it rests or is seldom
 # seen; of 48 whiskers on three recordings 46 have 0.1 to 0.7, two that a body cuts short up to 1.1
@@ -49,28 +48,31 @@ def whisker_like(templates, n_frames: int, shape, given: bool = False, unseen_fa
         that begin far inside are believed only as a clear row
     """
     row = [template.samples for template in templates]
-    moves = [_moves(lines) and (given or _turns(lines)) for lines in row]
+    moving = [moves(lines) and (given or _turns(lines)) for lines in row]
     no_row = len(row) == 1 or n_frames <= FEW_FRAMES  # then each is judged by itself
     least = DEEP_ODDS if unseen_face > DEEP else -np.inf if no_row else ROW_ODDS
-    may_be = given or (_tapers(row, shape) and _log_odds(row, sum(moves)) > least)
+    may_be = given or (_tapers(row, shape) and _log_odds(row, sum(moving)) > least)
     likely = [
         may_be and _may_be_whisker(lines, each, n_frames, shape)
-        for lines, each in zip(row, moves, strict=True)
+        for lines, each in zip(row, moving, strict=True)
     ]
     if any(likely) and not given:
-        likely &= ~_hairs(templates, np.array(moves), n_frames)
+        likely &= ~still_hairs(templates, np.array(moving), n_frames)
     pairs = list(zip(templates, likely, strict=True))
     return [s for s, good in pairs if good], [s for s, good in pairs if not good]
 
 
-def _hairs(templates, moves, n_frames) -> np.ndarray:
-    """Which are still hairs apart from those that move, or else from the strongest, bool (n,)."""
+def still_hairs(templates, moving, n_frames) -> np.ndarray:
+    """Which are still hairs apart from those that move, or else from the strongest, bool (n,).
+
+    moving : bool (n,), of `moves`
+    """
     bases = np.array([template.base_xy for template in templates])
-    strength = np.array([usual_strength(template.samples) for template in templates])
+    strength = np.array([line_choice.usual_strength(template.samples) for template in templates])
     seen = np.array([len(template.samples) for template in templates]) / n_frames
     usual = np.median([line.n for template in templates for line in template.samples])
-    known = bases[moves] if moves.any() else bases[[np.argmax(strength)]]
-    return hairs.are_hairs_beside(bases, strength, seen, usual, known) & ~moves
+    known = bases[moving] if moving.any() else bases[[np.argmax(strength)]]
+    return hairs.are_hairs_beside(bases, strength, seen, usual, known) & ~moving
 
 
 def _end_inside(lines, shape) -> np.ndarray:
@@ -126,7 +128,7 @@ def _thinner(lines, chosen) -> float:
     return np.nan if np.isnan(ratios).all() else float(np.nanmedian(ratios))
 
 
-def _moves(lines) -> bool:
+def moves(lines) -> bool:
     """Whether some of the lines lie mostly beside the longest one."""
     longest = max(lines, key=lambda line: line.n)
     beside = [line_choice.shared_fraction(line, longest, MOVES_PX) < 0.5 for line in lines]

@@ -124,25 +124,42 @@ def test_whiskers_beside_each_other_are_not_taken_for_one_broad_one(monkeypatch)
         assert true.count(template.name) > 0.8 * len(true), template.name
 
 
-def test_a_short_anterior_whisker_is_one_and_a_hair_of_the_fur_is_none():
-    px_per_mm, rng = 25.0, np.random.default_rng(4)
-    images = []
-    for angle in np.radians(np.linspace(-8, 8, 12)):
+PX_PER_MM = 25.0
+
+
+def whisking(*drawn, frames=12):
+    """Frames of hairs on a face at the left: (y [px], length [mm], grey level, frames) of each.
+
+    All of them whisk by ±8° but those whose last number is 0: these are seen in all frames, still.
+    """
+    images, rng = [], np.random.default_rng(4)
+    for k, angle in enumerate(np.radians(np.linspace(-8, 8, frames))):
         picture = np.full((300, 400), 180, np.uint8)
         picture[:, :40] = 8
-        for y, length_mm, grey in ((200, 13, 30), (130, 3.75, 70), (90, 2, 50)):
-            tip = (
-                40 + length_mm * px_per_mm * np.cos(angle),
-                y - length_mm * px_per_mm * np.sin(angle),
-            )
+        for y, length_mm, grey, seen in drawn:
+            if seen and k >= seen:
+                continue
+            length, turn = length_mm * PX_PER_MM, angle if seen else 0.0
+            tip = 40 + length * np.cos(turn), y - length * np.sin(turn)
             ends = [tuple(round(16 * v) for v in end) for end in ((40, y), tip)]
             cv2.line(picture, *ends, grey, 1, cv2.LINE_AA, 4)
         noisy = cv2.GaussianBlur(picture.astype(float), (0, 0), 0.7)
         images.append(np.uint8(np.clip(noisy + rng.normal(0, 1.5, picture.shape), 0, 255)))
-    images = np.array(images)
-    recording = Recording(500.0, px_per_mm, "left")
+    return np.array(images)
+
+
+@pytest.mark.parametrize(
+    ("names", "drawn"),
+    [
+        (None, [(200, 13, 30, 12), (130, 3.75, 70, 12), (90, 2, 50, 12)]),
+        (["a", "b"], [(200, 13, 30, 12), (130, 5, 70, 5), (30, 4, 70, 0)]),
+    ],
+)
+def test_a_short_anterior_whisker_is_one_and_a_hair_of_the_fur_is_none(names, drawn):
+    images = whisking(*drawn)
+    recording = Recording(500.0, PX_PER_MM, "left")
     scene = scene_from_frames(images, recording, None, None, len(images))
-    templates = find_templates(images, scene, options_for(recording))
+    templates = find_templates(images, scene, options_for(recording), names)
     assert [round(template.base_xy[1], -1) for template in templates] == [130, 200]  # px
 
 
