@@ -31,15 +31,19 @@ class Renderer:
     scene : Scene
     motion : synthetic.motion.Motion of the same scene
     seed : int, of the noise; by default the scene's
+    still : light of a photograph, with its pole but without whiskers, and the same without the
+        animal, float32 (height, width) each: stands for all of the scene but the whiskers
 
     Frames come in any order and are the same each time: the noise of a frame depends on seed
     and frame number only.
     """
 
-    def __init__(self, scene: Scene, motion, seed: int | None = None):
+    def __init__(self, scene: Scene, motion, seed: int | None = None, still=None):
         self.scene, self.motion = scene, motion
         self.seed = scene.seed if seed is None else seed
-        self._open, self.background, self._fur, self._glow = _still_picture(_without_pole(scene))
+        drawn = _still_picture(_without_pole(scene)) if still is None else (*still, (), None)
+        self._open, self.background, self._fur, self._glow = drawn
+        self._pole = scene.pole if still is None else None
         self._cover, self._touched = blank(*self._open.shape)
         self._steps = step_table(scene.camera.blur_px)
         self._fine = FinePatch(scene.camera.blur_px)
@@ -143,8 +147,7 @@ class Renderer:
 
     def _with_pole(self, opened, x, y):
         """Light behind the rod, and behind rod and pole, at (x, y) [m]; NaN: out of view."""
-        pole = self.scene.pole
-        if pole is None or not np.isfinite(x):
+        if self._pole is None or not np.isfinite(x):
             return opened, opened
         if self._shade[0] != (x, y):
             self._shade = (x, y), self._pole_shade(x, y)
@@ -154,7 +157,7 @@ class Renderer:
 
     def _pole_shade(self, x, y):
         """Shares of the light that pass the rod and the pole at (x, y) [m]."""
-        pole, scale = self.scene.pole, self.scene.camera.pixels_per_m
+        pole, scale = self._pole, self.scene.camera.pixels_per_m
         px, py = self.scene.to_pixels(x, y)
         rod, disc = np.ones_like(self._open), np.zeros_like(self._open)
         if pole.rod_direction is not None:
@@ -166,8 +169,8 @@ class Renderer:
     def _compose(self, light, behind_rod, strips, pole_x, pole_y):
         """Redo the places where objects in focus meet, on a finer grid."""
         disc, scale = None, self.scene.camera.pixels_per_m
-        if self.scene.pole is not None and np.isfinite(pole_x):
-            disc = (*self.scene.to_pixels(pole_x, pole_y), self.scene.pole.radius * scale)
+        if self._pole is not None and np.isfinite(pole_x):
+            disc = (*self.scene.to_pixels(pole_x, pole_y), self._pole.radius * scale)
         meeting = meeting_tiles(light.shape, strips, disc, 3 * self.scene.camera.blur_px + 2)
         opacities = [hair.opacity for hair in self.scene.hairs]
         for top, left in meeting:
