@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from pipeline.contacts.probability import bent_elsewhere
 from pipeline.errors import counted
 from pipeline.scene.face import thickening_towards
 from pipeline.scene.picture_part import region_doubt
@@ -26,6 +27,7 @@ CONTRADICTED, NEVER_FREE = "base_contradicted", "no_rest_curvature"  # flags of 
 DARK = 64  # grey levels of 255, median: no light behind the whiskers
 LIGHT = 128  # a picture of a lighter median is no dark ground for bright whiskers
 ON_A_SIDE = tuple(f"{side}_" for side in (*SIDES, *UPRIGHT))
+SELDOM_BENT = 0.05  # of the frames: where lines have left their whisker, they look bent, too
 SELDOM_ACROSS = 1  # frame may be a mistake; a whisker more often across the pole is worth one
 
 
@@ -124,6 +126,7 @@ def _of_whiskers(settings, tables, followed, advice):
     if doubt:
         yield doubt
     yield from _passes_over(settings, tables, followed.pole)
+    yield from _bent_elsewhere(tables, followed.pole)
     yield from _contradicted(settings, tables.contacts)
     yield from _without_forces(settings, whisker_set)
     yield from _never_free(settings, tables.contacts)
@@ -409,6 +412,21 @@ def _passes_over(settings, tables, pole):
                 f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in "
                 f"{counted(frames, 'frame')} without touching it; if that is dust, give [pole] "
                 "x_px, y_px"
+            )
+
+
+def _bent_elsewhere(tables, pole):
+    """Whiskers that something bends, but mostly not the pole."""
+    if pole is None:
+        return
+    count = tables.evidence.groupby("whisker", sort=False).size()
+    for name, away, at in bent_elsewhere(tables.evidence).itertuples():
+        if away > max(at, SELDOM_BENT * count[name]):
+            x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
+            yield (
+                f"{name} is bent in {counted(away, 'frame')} as if it touched something, but "
+                f"not the pole at ({x:.0f}, {y:.0f}) px: look at the overlay, and if the pole "
+                "stands elsewhere, give [pole] x_px, y_px"
             )
 
 

@@ -134,6 +134,18 @@ def force_noise(column):
     return np.sqrt(np.maximum(total**2 - share**2, 0.0))
 
 
+def bent_elsewhere(evidence: pd.DataFrame) -> pd.DataFrame:
+    """Frames per whisker in which it is surely bent: `away` from the pole, and `at` it.
+
+    evidence : with `probability`
+    """
+    force = evidence["shape_force_N"].where(evidence["rest_known"])
+    bent = force > SURE_PUSH_SD * force_noise(evidence)
+    at = evidence["probability"] > 0.5
+    frames = pd.DataFrame({"away": bent & ~at, "at": bent & at})
+    return frames.groupby(evidence["whisker"], sort=False).sum()
+
+
 def _log_odds(gap, gap_sd, force, force_sd, cov, params):
     """log p(d, F | contact) − log p(d, F | free), bivariate normal errors and outliers."""
     gaps, forces = 1e-3 * params.gap_scale_mm, 1e-6 * params.force_scale_uN

@@ -27,6 +27,22 @@ WHISKER = {"length_mm": 18.0, "cone_length_mm": 19.0, "base_radius_um": 37.0}
 POLE = PoleTrack(np.full(1, 300.0), np.full(1, 200.0), 0.25 * SCALE)
 
 
+def evidence_of(across, away, at):
+    """100 frames in which C2 lies across the pole, is bent elsewhere, and is bent at the pole."""
+    frame = np.arange(100)
+    return pd.DataFrame(
+        {
+            "whisker": "C2",
+            "across": frame < across,
+            "shape_force_N": np.where(frame < away + at, 2e-6, 0.0),
+            "shape_force_se_N": 1e-7,
+            "origin_force_se_N": 0.0,
+            "rest_known": True,
+            "probability": np.where((frame >= away) & (frame < away + at), 1.0, 0.0),
+        }
+    )
+
+
 def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     """Messages of a video of one whisker in which nothing is wrong, but for the `changes`."""
     given = {
@@ -36,7 +52,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
         "out": np.s_[:0], "bright": False, "first_seen": None, "recording": {}, "rows": (50, 90),
         "other_pole": None,
         "region": None, "frames": None, "flags": "", "unnamed": 0, "analysis": {}, "curved": 1.0,
-        "lines": False,
+        "lines": False, "bent": (0, 0),
     } | changes  # fmt: skip
     settings = settings_from(
         {
@@ -63,7 +79,7 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
     )
     tables = SimpleNamespace(
         frames=frames if given["frames"] is None else given["frames"],
-        evidence=pd.DataFrame({"whisker": "C2", "across": np.arange(100) < given["across"]}),
+        evidence=evidence_of(given["across"], *given["bent"]),
         contacts=pd.DataFrame({"whisker": list(given["contacts"]), "flags": given["flags"]}),
     )
     names = tuple(w.name for w in settings.whisker) or given["found"]
@@ -112,6 +128,11 @@ def said_of(whiskers=({**WHISKER, "name": "C2"},), pole_xy=None, **changes):
 
 def test_where_nothing_is_wrong_nothing_is_said():
     assert said_of() == []
+
+
+@pytest.mark.parametrize("bent", [(0, 60), (4, 0), (20, 21)])
+def test_a_whisker_that_is_mostly_bent_by_the_pole_or_hardly_ever_is_no_fault(bent):
+    assert said_of(bent=bent) == []
 
 
 @pytest.mark.parametrize(
@@ -164,6 +185,8 @@ def test_where_nothing_is_wrong_nothing_is_said():
         ({"known": 0.23}, "for 77 % of the traced lines it is not known which whisker they are"),
         ({"pole": PoleTrack(POLE.x_px, POLE.y_px, 0.3 * SCALE)}, "the pole looks 0.6 mm thick"),
         ({"across": 2, "contacts": ()}, "C2 passes over the pole at (300, 200) px in 2 frames"),
+        ({"bent": (7, 6)},
+         "C2 is bent in 7 frames as if it touched something, but not the pole at (300, 200) px"),
         ({"contacts": ("C2",) * 3, "flags": ["x;base_contradicted", "base_contradicted", ""]},
          "in 2 of 3 contacts C2 bends as if hidden_length_mm = 1.4 were wrong by over 0.3 mm"),
         ({"contacts": ("C2",) * 2, "flags": "starts_before;no_rest_curvature"},
