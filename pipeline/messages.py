@@ -401,12 +401,15 @@ def _assumed_place(settings, pole):
 
 
 def _passes_over(settings, tables, pole):
-    """Whiskers that pass over what was taken for the pole, unless session.toml has it there."""
-    if pole is None or settings.pole.position_px is not None:
+    """Whiskers that pass over what was taken for the pole, unless session.toml has it there.
+
+    What another whisker touches is no dust.
+    """
+    if pole is None or settings.pole.position_px is not None or len(tables.contacts):
         return
     across = tables.evidence[tables.evidence["across"]].groupby("whisker", sort=False).size()
     for name, frames in across.items():
-        if frames > SELDOM_ACROSS and name not in set(tables.contacts["whisker"]):
+        if frames > SELDOM_ACROSS:
             x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
             yield (
                 f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in "

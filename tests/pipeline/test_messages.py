@@ -130,6 +130,10 @@ def test_where_nothing_is_wrong_nothing_is_said():
     assert said_of() == []
 
 
+def test_a_pole_that_a_whisker_touches_is_no_dust_though_another_passes_over_it():
+    assert said_of(across=40, contacts=("D2",)) == []
+
+
 @pytest.mark.parametrize("bent", [(0, 60), (4, 0), (20, 21)])
 def test_a_whisker_that_is_mostly_bent_by_the_pole_or_hardly_ever_is_no_fault(bent):
     assert said_of(bent=bent) == []
