@@ -46,6 +46,7 @@ import argparse
 import sys
 import tempfile
 import time
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -109,7 +110,8 @@ def processed(video: Path, settings) -> Run:
 def settings_for(video: Path, face: str, scale: str, frames_per_second: float):
     """The settings of a scale, or those that `whiskerforce init` writes."""
     if scale == INIT:
-        return settings_from(findings({video.name: look_at(video)})[0])
+        with ExitStack() as opened:
+            return settings_from(findings({video.name: look_at(video, opened)})[0])
     recording = {"frames_per_second": frames_per_second, "pixels_per_mm": float(scale)}
     return settings_from({"recording": recording | {"face": face}})
 

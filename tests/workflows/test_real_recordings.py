@@ -15,6 +15,7 @@ from pipeline.tables import Centrelines
 from pipeline.video import open_video
 from synthetic.encode import write_video
 from synthetic.scene import Codec
+from synthetic.session import render_session
 
 FRAMES = 10
 
@@ -39,6 +40,14 @@ def test_only_face_scale_and_rate_are_given():
     assert (recording.face, recording.pixels_per_mm) == ("top", 12.0)
     assert recording.frames_per_second == 500.0
     assert settings.whisker == ()
+
+
+def test_or_what_init_writes_is_given(tmp_path):
+    path = render_session(tmp_path, "single", seed=1, trials=1, frames=60)[0]
+    settings = real_recordings.settings_for(path, "top", "init", 500.0)
+    assert settings.recording.face == "left"  # found, not given
+    assert settings.recording.pixels_per_mm == pytest.approx(25, rel=0.02)
+    assert [whisker.name for whisker in settings.whisker] == ["w1"]
 
 
 def test_time_is_counted_from_the_first_frame_to_the_last_name(monkeypatch):
