@@ -211,7 +211,8 @@ def compared(still: Still, seed: int, codec: Codec):
         return None
     renderer = Renderer(motion.scene, motion, seed, (still.light, still.without_face))
     settings = session_settings(Trial("", still.name, motion), renderer)
-    tables = sorted(settings.whisker, key=lambda each: each.name)  # in order along the face
+    along_face = {f"w{k + 1}": k for k in range(len(still.whiskers))}
+    tables = sorted(settings.whisker, key=lambda each: along_face[each.name])
     settings = settings.model_copy(update={"whisker": tuple(tables)})
     settings = wrong_settings.with_wrong_lengths(settings, np.random.default_rng([seed, 1]))
     with tempfile.TemporaryDirectory() as folder:

@@ -23,7 +23,7 @@ from pipeline.scene.circle_fit import (
 ROD_ARC = 0.65  # is seen where a rod hides the rest; more makes no likelier pole
 LEAST_SHADE = 0.08  # the same, where a person says that there is a pole
 RADIUS_SPREAD = 0.15  # SD of a pole's radius about the expected one, relative, in its score
-RIVAL = 0.5  # of the best rough score: what has more may be the pole when measured exactly
+RIVAL = 0.5  # of the best score, or likeness: what has more may be the pole after all
 MOST_CANDIDATES = 10  # rough places in one picture
 SURE = 0.45  # likeness; an opaque disc on a rod has 0.6, sharp dust of its size 0.25
 
@@ -39,8 +39,8 @@ def find_pole(
     radius_px : expected radius [px]
     near_xy : (x, y) or None; place of the pole in session.toml
     exclude : bool (height, width) or None; where it is not (the face)
-    passed_over : function of x, y, radius, or None; whether whiskers pass over a disc: then any
-        other disc is more likely the pole
+    passed_over : function of x, y, radius, or None; whether whiskers pass over a disc: then
+        another one is the pole, if it is at least half as like one
     refused : function of a Pole, or None; whether a disc is no pole, where no person says so
 
     Returns
@@ -99,9 +99,9 @@ def likeness(pole) -> float:
 
 
 def _first_firm(poles, passed_over):
-    """First of the `poles` that whiskers do not pass over and that is likely beside the likeliest.
+    """First of the `poles` that whiskers do not pass over, of those that are likely enough.
 
-    Otherwise the likeliest one, None without any: whiskers may pass before or behind a pole.
+    Otherwise the likeliest, None without any: whiskers may pass before or behind a pole, too.
     """
     likeliest = None
     for pole in poles:
