@@ -17,7 +17,7 @@ from pipeline.run import Seen, find_whiskers
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import without_pole
 from pipeline.scene.estimate import OTHER_SIZES, find_scenes, still_states, survey
-from pipeline.scene.pole_search import SURE
+from pipeline.scene.pole_search import DUST, SURE
 from pipeline.scene.preparation import prepare_video
 from pipeline.scene.scale import FIELD_MM, scale_of, working_scale
 from pipeline.session.input_settings import PREVIEW_NAME, SETTINGS_NAME, check_settings_name
@@ -194,7 +194,7 @@ def _scene_and_scale(look):
         epochs = find_scenes(look.video, recording, pole, seen=seen, still=still)
         scene, frames = _typical_frames(look.video, seen, epochs)
         first = first or (replace(scene, pole=None), usual)
-        if scene.pole is None or _is_passed_over(scene, frames):
+        if scene.pole is None or (scene.pole_likeness < DUST and _is_passed_over(scene, frames)):
             continue
         if best is None or scene.pole_likeness > best[0].pole_likeness:
             best = scene, 2 * scene.pole.radius_px / POLE_DIAMETER_MM

@@ -26,6 +26,7 @@ RADIUS_SPREAD = 0.15  # SD of a pole's radius about the expected one, relative, 
 RIVAL = 0.5  # of the best score, or likeness: what has more may be the pole after all
 MOST_CANDIDATES = 10  # rough places in one picture
 SURE = 0.45  # likeness; an opaque disc on a rod has 0.6, sharp dust of its size 0.25
+DUST = 0.35  # likeness: less may be dust, if whiskers pass over it
 
 
 def find_pole(

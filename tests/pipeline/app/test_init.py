@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import tifffile
 
+from pipeline.app import init
 from pipeline.app.init import (
     POLE_DIAMETER_MM,
     Look,
@@ -66,6 +67,18 @@ def test_the_scale_is_from_the_disc_most_similar_to_a_pole():
         scene, scale = _scene_and_scale(prepare_video(video))
     assert (scene.pole.x_px[0], scene.pole.y_px[0]) == pytest.approx(where, abs=0.2)
     assert scale * POLE_DIAMETER_MM == pytest.approx(2 * radius, abs=0.5)
+
+
+@pytest.mark.parametrize(("light", "found"), [(0.02, True), (0.2, False)])
+def test_a_pole_that_whiskers_pass_over_is_no_speck_if_it_is_opaque(monkeypatch, light, found):
+    monkeypatch.setattr(init, "_is_passed_over", lambda *_: True)
+    picture = np.where(COLUMNS < 60, 10.0, 180.0)
+    picture[np.hypot(COLUMNS - 230, ROWS - 150) < 9.0] *= light
+    noise = np.random.default_rng(0).normal(0, 1.5, (24, *SHAPE))
+    smooth = cv2.GaussianBlur(picture, (0, 0), 0.8)
+    with open_video(np.rint(smooth + noise).clip(0).astype(np.uint8)) as video:
+        scene, _ = _scene_and_scale(prepare_video(video))
+    assert (scene.pole is not None) == found
 
 
 def test_a_round_thing_beside_two_things_that_move_amid_the_picture_is_no_pole(tmp_path):
