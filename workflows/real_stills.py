@@ -5,7 +5,7 @@
 In each still the whiskers that an eye has followed are painted over with what lies beside them. In
 their places rendered whiskers of about their length and bend move, and one of them touches the
 photographed pole. So face, fur, light, pole and rod are real, while contacts and forces are known.
-The other whiskers cross the touching one and pass over the pole without touching it.
+Others cross the touching one, or pass over the pole without touching it.
 
 Each video is processed by `whiskerforce run`, with a table for every whisker in session.toml.
 Lengths and hidden lengths there are off by what the standard errors assume. Whiskers do not turn
