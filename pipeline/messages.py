@@ -371,7 +371,7 @@ def _size_doubt(settings, pole) -> str | None:
 
 def _of_another_size(what, settings, pole) -> str:
     """How thick `what` looks, and what to correct if that is the pole."""
-    x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
+    x, y = _usual_place(pole)
     return (
         f"{what} looks {_thickness_mm(settings, pole):.2g} mm thick "
         f"({2 * pole.radius_px:.0f} px, at {x:.0f}, {y:.0f} px), but [pole] diameter_mm = "
@@ -379,6 +379,11 @@ def _of_another_size(what, settings, pole) -> str:
         f"{settings.recording.pixels_per_mm:g}, on which lengths and "
         "forces depend"
     )
+
+
+def _usual_place(pole) -> tuple[float, float]:
+    """Where a pole mostly is, x and y [px]."""
+    return np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
 
 
 def _thickness_mm(settings, pole) -> float:
@@ -410,7 +415,7 @@ def _passes_over(settings, tables, pole):
     across = tables.evidence[tables.evidence["across"]].groupby("whisker", sort=False).size()
     for name, frames in across.items():
         if frames > SELDOM_ACROSS:
-            x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
+            x, y = _usual_place(pole)
             yield (
                 f"{name} passes over the pole at ({x:.0f}, {y:.0f}) px in "
                 f"{counted(frames, 'frame')} without touching it; if that is dust, give [pole] "
@@ -425,7 +430,7 @@ def _bent_elsewhere(tables, pole):
     count = tables.evidence.groupby("whisker", sort=False).size()
     for name, away, at in bent_elsewhere(tables.evidence).itertuples():
         if away > max(at, SELDOM_BENT * count[name]):
-            x, y = np.nanmedian(pole.x_px), np.nanmedian(pole.y_px)
+            x, y = _usual_place(pole)
             yield (
                 f"{name} is bent in {counted(away, 'frame')} as if it touched something, but "
                 f"not the pole at ({x:.0f}, {y:.0f}) px: look at the overlay, and if the pole "
