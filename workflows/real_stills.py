@@ -20,7 +20,6 @@ errors; in brackets the range of single videos.
 """
 
 import argparse
-import contextlib
 import json
 import sys
 import tempfile
@@ -30,16 +29,14 @@ from pathlib import Path
 import cv2
 import measuring
 import numpy as np
+import other_truth
 import over_videos
 import pages
 import pandas as pd
 import wrong_settings
 
-from pipeline.app import cli
 from pipeline.numerics.robust import robust_sd
 from pipeline.session.session_file import write_session
-from pipeline.tables.columns import CONTACT_COLUMNS
-from pipeline.tables.files import read_csv
 from synthetic.encode import video_suffix, write_video
 from synthetic.motion import side_of_pole, smooth_noise
 from synthetic.presets import Trial
@@ -62,6 +59,7 @@ TOUCHES, FORCES, DURATIONS = 9, (0.3e-6, 20e-6), (6, 80)  # N; frames
 PAINTED_PX, FACE_GREY = 9, 12  # width of what is painted over; what is darker gets no light
 OWN_WAY = 0.04  # rad, by which the other whiskers leave the way of the touching one
 WITHIN, LEAST_UN = 0.04, 0.1
+VIDEO = "whisker"  # as `other_truth.process` wants it called
 
 
 # The photograph --------------------------------------------------------------------------------
@@ -210,20 +208,17 @@ def compared(still: Still, seed: int, codec: Codec):
     if motion is None:
         return None
     renderer = Renderer(motion.scene, motion, seed, (still.light, still.without_face))
-    settings = session_settings(Trial("", still.name, motion), renderer)
-    along_face = {f"w{k + 1}": k for k in range(len(still.whiskers))}
-    tables = sorted(settings.whisker, key=lambda each: along_face[each.name])
+    settings = session_settings(Trial("", VIDEO, motion), renderer)
+    tables = sorted(settings.whisker, key=lambda each: int(each.name[1:]))  # along the face
     settings = settings.model_copy(update={"whisker": tuple(tables)})
     settings = wrong_settings.with_wrong_lengths(settings, np.random.default_rng([seed, 1]))
     with tempfile.TemporaryDirectory() as folder:
-        video = Path(folder) / f"{still.name}{video_suffix(codec)}"
-        write_video(video, (renderer.frame(i) for i in range(len(renderer))), codec)
-        write_session(Path(folder) / "session.toml", settings)
-        out = Path(folder) / "out"
-        with contextlib.redirect_stdout(sys.stderr), contextlib.suppress(SystemExit):
-            cli.main(["run", folder, "--out", str(out), "--jobs", "1"])
-        found = read_csv(out / still.name / "contacts.csv", CONTACT_COLUMNS)
-    return table_scoring.match_contacts(found, contact_table(motion, still.name))
+        folder = Path(folder)
+        frames = (renderer.frame(i) for i in range(len(renderer)))
+        write_video(folder / f"{VIDEO}{video_suffix(codec)}", frames, codec)
+        write_session(folder / "session.toml", settings)
+        found = other_truth.process(folder).contacts
+    return table_scoring.match_contacts(found, contact_table(motion, VIDEO))
 
 
 def peak_errors(match):
