@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from pipeline import run
-from pipeline.app.preview import preview_of, write_preview
+from pipeline.app.preview import pole_in_words, preview_of, write_preview
 from pipeline.detection.static_scene import StaticScene
-from pipeline.errors import InputError, VideoError, need_folder, why
-from pipeline.numerics.runs import evenly
+from pipeline.errors import InputError, VideoError, counted, need_folder, why
+from pipeline.numerics.runs import spread
 from pipeline.run import Seen, find_whiskers
 from pipeline.scene.dust import is_passed_over
 from pipeline.scene.epochs import without_pole
@@ -31,7 +31,8 @@ from pipeline.tracking.two_sides import counted_names, names_by_side
 from pipeline.tracking.whiskers import TEMPLATE_FRAMES, tracing_options
 from pipeline.video.open import open_video
 
-LOOKED_AT = 3  # videos
+ENOUGH = 3  # videos that show whiskers, and one of them a pole …
+MOST = 9  # … or so many videos, are looked at
 FRAMES_PER_SECOND = 1000.0
 POLE_DIAMETER_MM = 0.5
 
@@ -55,6 +56,11 @@ class Look:
     def size(self) -> tuple[int, int]:
         """Width and height of the picture [px]."""
         return self.scene.face_mask.shape[::-1]
+
+    @property
+    def view(self) -> str:
+        """What all videos of one session.toml have in common."""
+        return f"{self.size[0]}×{self.size[1]} px, face at the {self.scene.face_side}"
 
     @property
     def pole(self) -> tuple[float, float, float] | None:
@@ -92,9 +98,10 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
         return _show(folder, Path(config or target), say)
     check_settings_name(folder)
     with ExitStack() as opened:
-        looks = _look_at_some(folder, lambda path: look_at(path, opened), say)
-        document, notes = findings(looks)
-        shown = max(looks, key=lambda name: len(looks[name].names))
+        looks, count = _look_at_some(folder, lambda path: look_at(path, opened), ENOUGH, say)
+        alike = next(iter(by_view(looks).values()))
+        document, notes = findings(alike, len(looks) == count)
+        shown = _best(alike)
         look = looks[shown]
         seen = look.seen if _document(look) == document else None
         preview = preview_of(look.path, settings_from(document, target), seen)
@@ -103,45 +110,70 @@ def init_folder(folder, overwrite=False, config=None, say=lambda line: None) -> 
     old = whole_files.replace_text(target, session_text(settings, notes))
     kept = [f"the earlier settings are kept as {old}"] if old else []
     kept += write_preview(folder / PREVIEW_NAME, preview)
-    return [*_words(looks, shown, preview, target), *kept]
+    return [*_seen_in_words(looks, count, shown, preview), *_next(looks, preview, target), *kept]
 
 
 def _show(folder, session, say) -> list[str]:
     """Show what is found with a session.toml that a person may have corrected."""
     settings = read_session(session)
-    looks = _look_at_some(folder, lambda path: preview_of(path, settings), say, 1)
-    ((name, preview),) = looks.items()
+    with ExitStack() as opened:
+        looks, count = _look_at_some(
+            folder, lambda path: _look_with(settings, path, opened), 1, say
+        )
+        shown = _best(looks)
+        preview = preview_of(looks[shown].path, settings, looks[shown].seen)
     kept = write_preview(folder / PREVIEW_NAME, preview)
     return [
         f"{session} is kept (--overwrite writes a new {folder / SETTINGS_NAME})",
-        f"looked at {name} with these settings",
-        *preview.words(),
+        *_seen_in_words(looks, count, shown, preview),
         f"wrote {folder / PREVIEW_NAME}",
         *kept,
     ]
 
 
-def _look_at_some(folder, look, say, most=LOOKED_AT) -> dict:
-    """What `look` finds in the first, middle and last readable videos, by what they are called."""
+def _look_at_some(folder, look, enough, say) -> tuple[dict, int]:
+    """What `look` finds in videos from all over the folder, by what they are called.
+
+    In some trials the pole is out of reach, or no whisker is in view; so more videos are looked
+    at until `enough` show whiskers, and one of them a pole. Second, how many videos there are.
+    """
     found = find_inputs([folder])
     inputs = [each for each in found if not each.fault]
     looks, problems = {}, [] if inputs else [f"{each.path}: {each.fault}" for each in found]
-    called = called_apart([each.path for each in inputs])
-    places = evenly(len(inputs), most).tolist()
-    rest = [i for i in range(len(inputs)) if i not in places]
-    for i in (*places, *rest):
-        if len(looks) == most or (looks and i in rest):
+    called, count = called_apart([each.path for each in inputs]), len(inputs)
+    for i in spread(len(inputs)):
+        showing = [each for each in looks.values() if each.names]
+        if len(looks) == MOST or (len(showing) >= enough and any(each.pole for each in showing)):
             break
         say(f"looking at {called[i]} …")
         try:
-            looks[called[i]] = look(inputs[i].path)
+            looks[i] = look(inputs[i].path)
         except VideoError as error:
             problems.append(str(error))
+            count -= 1
     if not looks:
         raise InputError("; ".join(problems) or f"{folder}: no videos or images in it")
     for problem in problems:
         say(f"left out: {problem}")
-    return looks
+    return {called[i]: looks[i] for i in sorted(looks)}, count
+
+
+def by_view(looks) -> dict[str, dict[str, Look]]:
+    """The looks that are alike, by their view; the view with most whiskers comes first.
+
+    A video without whiskers tells nothing of the face; it counts where none shows any.
+    """
+    views = defaultdict(dict)
+    for name, look in looks.items():
+        if look.names or not any(each.names for each in looks.values()):
+            views[look.view][name] = look
+    whiskers = {view: sum(len(each.names) for each in of.values()) for view, of in views.items()}
+    return {view: views[view] for view in sorted(views, key=whiskers.get, reverse=True)}
+
+
+def _best(looks) -> str:
+    """What the video is called that shows most whiskers, if possible with a pole."""
+    return max(looks, key=lambda name: (len(looks[name].names), looks[name].pole is not None))
 
 
 def called_apart(paths) -> list[str]:
@@ -163,6 +195,16 @@ def look_at(path, opened: ExitStack) -> Look:
     names = counted_names(likely, side, tracing_options(settings, video.shape))
     snout = None if names_by_side(names, side) else snout_of(likely, side)
     return Look(Path(path), scene, scale, names, snout, seen)
+
+
+def _look_with(settings, path, opened: ExitStack) -> Look:
+    """What these settings find in one video, which stays open as long as `opened`."""
+    video, settings = opened.enter_context(open_video(path)), settings.without_bare_whiskers()
+    seen = find_whiskers(*run.look_at(video, settings), settings)
+    scenes = [epoch.scene for epoch in seen.epochs if epoch.scene]
+    scene = next((each for each in scenes if each.pole), scenes[0])
+    scale = settings.recording.pixels_per_mm
+    return Look(Path(path), scene, scale, seen.whisker_set.found, seen=seen)
 
 
 def _document(look):
@@ -204,12 +246,13 @@ def _scene_and_scale(look):
 
 
 def _typical_frames(video, seen, epochs):
-    """The scene that holds for most of the video, and some of the frames `seen` of it."""
+    """The scene that holds longest, if possible one with a pole, and frames `seen` of it."""
     held = defaultdict(int)
     for epoch in epochs:
         end = epoch.stop or max(video.n_frames or 0, epoch.start + 1)
         held[id(epoch.scene)] += end - epoch.start
-    scene = max((e.scene for e in epochs if e.scene), key=lambda each: held[id(each)])
+    scenes = (epoch.scene for epoch in epochs if epoch.scene)
+    scene = max(scenes, key=lambda each: (each.pole is not None, held[id(each)]))
     indices, frames = seen.sample(TEMPLATE_FRAMES)
     own = [(e.start, e.stop or np.inf) for e in epochs if e.scene is scene]
     inside = [any(start <= i < stop for start, stop in own) for i in indices]
@@ -223,10 +266,11 @@ def _is_passed_over(scene, frames) -> bool:
     return is_passed_over(*place, scene.background, noise, frames)
 
 
-def findings(looks):
+def findings(looks, all_videos=True):
     """What was found, in session.toml's shape, and a note for every value that is a guess.
 
-    looks : `Look` of each video, by what it is called
+    looks : `Look` of each video, all of one view, by what it is called
+    all_videos : there are no others that session.toml will be for
     """
     first, *_ = found = list(looks.values())
     names = max((look.names for look in found), key=len)
@@ -244,8 +288,8 @@ def findings(looks):
     snout = _snout(found)
     if snout:
         document["recording"]["snout"] = snout
-    same = len(poles) == len(found) and np.ptp(np.array(poles)[:, :2], axis=0).max() < 2
-    if same:
+    everywhere = all_videos and len(poles) == len(found)
+    if everywhere and np.ptp(np.array(poles)[:, :2], axis=0).max() < 2:
         x, y, _ = np.mean(poles, axis=0)
         document["pole"] |= {"x_px": round(float(x), 1), "y_px": round(float(y), 1)}
     return document, _notes(looks, snout, scale)
@@ -277,47 +321,56 @@ def _snout(looks) -> str | None:
     """Side of the snout in most of the looks, weighted by how many whiskers each one shows."""
     votes = Counter()
     for look in looks:
-        if look.snout and look.scene.face_side == looks[0].scene.face_side:
+        if look.snout:
             votes[look.snout] += len(look.names)
     return max(votes, key=votes.get, default=None)
 
 
 def _pole_note(looks) -> str:
-    found = [
-        f"({look.pole[0]:.0f}, {look.pole[1]:.0f}) in {name}" if look.pole else f"none in {name}"
+    return f"here: {', '.join(f'{_place(look)} in {name}' for name, look in looks.items())}"
+
+
+def _place(look) -> str:
+    return "none" if look.pole is None else f"({look.pole[0]:.0f}, {look.pole[1]:.0f})"
+
+
+def _seen_in_words(looks, count, shown, preview):
+    """Lines on the videos that were looked at, of so many; `shown` is in the picture."""
+    which = f" (of {count} videos)" if count > len(looks) else ""
+    which += f"; {shown} is in the picture" if len(looks) > 1 else ""
+    yield f"looked at {', '.join(looks)}{which}"
+    yield from preview.words()
+    others = [
+        f"{name}: {pole_in_words(look.scene.pole)}, {counted(len(look.names), 'whisker')}"
         for name, look in looks.items()
+        if name != shown
     ]
-    return f"here: {', '.join(found)}"
+    if others:
+        yield f"in the others: {'; '.join(others)}"
 
 
-def _words(looks, shown, preview, target) -> list[str]:
-    """Lines to print for the user; `shown` is the look in the preview."""
-    which = f"; {shown} is in the picture" if len(looks) > 1 else ""
+def _next(looks, preview, target):
+    """Lines on what was written, and what to do with it."""
+    yield from _unlike(looks)
+    yield f"wrote {target} and {target.parent / PREVIEW_NAME}"
     advice = "next: check the lines marked GUESS"
     if preview.names:
         advice += (
             ", and add the whiskers' dimensions if you want forces, best after a first `run`, "
             "which looks at all frames and may know fewer whiskers, or more, as its messages say"
         )
-    return [
-        f"looked at {', '.join(looks)}{which}",
-        *preview.words(),
-        *_unlike(looks),
-        f"wrote {target} and {target.parent / PREVIEW_NAME}",
+    yield (
         f"{advice}; then run `init` again: it shows what is found with the corrected file, and "
-        "which whisker has which name",
-    ]
+        "which whisker has which name"
+    )
 
 
 def _unlike(looks):
     """A line where videos are of several cameras or views: one session.toml is for one of them."""
-    kinds = defaultdict(list)
-    for name, look in looks.items():
-        kind = f"{look.size[0]}×{look.size[1]} px, face at the {look.scene.face_side}"
-        kinds[kind].append(name)
-    if len(kinds) > 1:
-        found = "; ".join(f"{kind} ({', '.join(names)})" for kind, names in kinds.items())
+    views = by_view(looks)
+    if len(views) > 1:
+        found = "; ".join(f"{view} ({', '.join(names)})" for view, names in views.items())
         yield (
-            f"these videos are not alike: {found}: this session.toml has one scale and one face "
-            "side for all; give each camera's videos a folder and a session.toml of their own"
+            f"these videos are not alike: {found}: this session.toml is for the first of these; "
+            "give each camera's videos a folder and a session.toml of their own"
         )

@@ -60,10 +60,7 @@ class Preview:
 
     def words(self) -> list[str]:
         """What was found, and what is doubtful, in a sentence each."""
-        pole = self.scene.pole
-        place = (
-            "no pole" if pole is None else f"a pole at ({pole.x_px[0]:.0f}, {pole.y_px[0]:.0f})"
-        )
+        place = pole_in_words(self.scene.pole)
         seen = [name for name in self.names if name not in self.unseen]
         count = counted(len(seen), "whisker")
         found = f"found: face at the {self.scene.face_side}, {place}, {count}"
@@ -79,6 +76,11 @@ class Preview:
         return [found, *self.doubts]
 
 
+def pole_in_words(pole) -> str:
+    """Where a `PoleTrack` is, if there is one."""
+    return "no pole" if pole is None else f"a pole at ({pole.x_px[0]:.0f}, {pole.y_px[0]:.0f})"
+
+
 def preview_of(path, settings: Settings, seen: Seen | None = None) -> Preview:
     """Look at a video as `run` does, and follow the whiskers through a stretch of it.
 
@@ -90,8 +92,8 @@ def preview_of(path, settings: Settings, seen: Seen | None = None) -> Preview:
             video = opened.enter_context(open_video(path))
             seen = find_whiskers(*look_at(video, settings), settings)
         video, whisker_set = seen.video, seen.whisker_set
-        start, scene = _stretch(seen)
-        stretch = list(islice(video.frames(start), STRETCH))
+        start, count, scene = _stretch(seen)
+        stretch = list(islice(video.frames(start), count))
         options = tracing_options(settings, video.shape)
         chunks = []
         if whisker_set.templates:
@@ -140,17 +142,20 @@ def _known_and_all(lines):
 
 
 def _stretch(seen):
-    """Frame at which to begin, in the middle of the epoch that holds longest; its scene."""
+    """The epoch that holds longest, if possible one with a pole: frames in its middle; its scene.
+
+    Of the frames, the first and how many.
+    """
     indices, epochs = seen.frames, seen.epochs
     owner = numbers_at(indices, epochs)
-    held = [np.sum(owner == k) if epoch.scene else -1 for k, epoch in enumerate(epochs)]
-    longest = int(np.argmax(held))
-    own = indices[owner == longest]
-    start = int(own[len(own) // 2]) if len(own) else epochs[longest].start
-    stop = epochs[longest].stop
-    if stop is not None:
-        start = max(min(start, stop - STRETCH), epochs[longest].start)
-    return start, epochs[longest].scene
+    still = (k for k, epoch in enumerate(epochs) if epoch.scene)
+    k = max(still, key=lambda k: (epochs[k].scene.pole is not None, np.sum(owner == k)))
+    first, stop, own = epochs[k].start, epochs[k].stop, indices[owner == k]
+    start = int(own[len(own) // 2]) if len(own) else first
+    if stop is None:
+        return start, STRETCH, epochs[k].scene
+    start = max(min(start, stop - STRETCH), first)
+    return start, min(STRETCH, stop - start), epochs[k].scene
 
 
 def _lines_by_frame(chunk):

@@ -46,6 +46,16 @@ def evenly(count: int, most: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, most).astype(int)) if count else np.empty(0, int)
 
 
+def spread(count: int) -> list[int]:
+    """The numbers below `count`, in an order of which every beginning is evenly spread.
+
+    >>> spread(9)
+    [0, 4, 8, 2, 6, 1, 3, 5, 7]
+    """
+    steps = [2**k + 1 for k in range(1, max(count, 2).bit_length() + 1)]
+    return list(dict.fromkeys(i for most in steps for i in evenly(count, most).tolist()))
+
+
 def parts(count: int, most: int) -> list[slice]:
     """Return slices of much the same length, at most `most`, that make up ``range(count)``.
 

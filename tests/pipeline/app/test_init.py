@@ -17,6 +17,7 @@ from pipeline.app.init import (
     _is_passed_over,
     _scene_and_scale,
     _unlike,
+    by_view,
     called_apart,
     findings,
     init_folder,
@@ -139,6 +140,79 @@ def test_videos_that_one_session_cannot_hold_for_are_named():
     assert not list(_unlike({"a.avi": first, "b.avi": first}))
     (said,) = _unlike({"a.avi": first, "b.avi": turned})
     assert "320×240 px, face at the left (a.avi); 320×240 px, face at the top (b.avi)" in said
+
+
+def test_a_video_without_whiskers_is_of_no_view_of_its_own():
+    first = Look(Path("b.avi"), scene(DISC), 25.0, ("w1",))
+    black = replace(first, path=Path("a.avi"), names=())
+    other = replace(black, scene=replace(first.scene, face_side="top"))
+    assert by_view({"a": other, "b": first}) == {first.view: {"b": first}}
+    assert not list(_unlike({"a": other, "b": first}))
+    assert [*by_view({"a": other, "b": black})] == [other.view, black.view]
+
+
+def test_settings_are_for_the_view_that_shows_most():
+    looks = {name: Look(Path(name), scene(DISC), 25.0, ("w1", "w2")) for name in "bc"}
+    turned = replace(
+        looks["b"], scene=replace(looks["b"].scene, face_side="top"), names=("w1",) * 3
+    )
+    view, *_ = by_view({"a": turned, **looks})
+    assert view == looks["b"].view
+
+
+def test_the_poles_place_is_written_where_no_other_trial_can_have_another():
+    looks = {name: Look(Path(name), scene(DISC), 25.0, ("w1",)) for name in ("a.avi", "b.avi")}
+    document, _ = findings(looks, all_videos=True)
+    assert (document["pole"]["x_px"], document["pole"]["y_px"]) == (200.0, 90.0)
+    document, notes = findings(looks, all_videos=False)
+    assert "x_px" not in document["pole"]
+    assert notes["pole.x_px"] == "here: (200, 90) in a.avi, (200, 90) in b.avi"
+
+
+def looked_at(tmp_path, monkeypatch, showing):
+    """Names of the videos that are looked at; `showing`: by number, its whiskers and pole."""
+    bare = replace(scene(DISC), pole=None)
+    for number in range(len(showing)):
+        (tmp_path / f"{number:02d}.avi").write_bytes(b"video")
+    said = []
+
+    def look_at(path, opened):
+        whiskers, pole = showing[int(Path(path).stem)]
+        names = tuple(f"w{k + 1}" for k in range(whiskers))
+        return Look(Path(path), scene(DISC) if pole else bare, 25.0, names)
+
+    def preview_of(path, settings, seen):
+        said.append(f"in the picture: {Path(path).name}")
+        raise InputError("")
+
+    monkeypatch.setattr(init, "look_at", look_at)
+    monkeypatch.setattr(init, "preview_of", preview_of)
+    with pytest.raises(InputError):
+        init_folder(tmp_path, say=said.append)
+    return [int(line.split()[2].partition(".")[0]) for line in said[:-1]], said[-1]
+
+
+@pytest.mark.parametrize(
+    ("showing", "numbers", "shown"),
+    [
+        ({0: (3, True), 4: (3, False), 8: (3, False)}, [0, 4, 8], "00.avi"),
+        ({0: (3, False), 4: (3, False), 8: (3, False), 2: (3, True)}, [0, 4, 8, 2], "02.avi"),
+        ({4: (3, True), 2: (2, True), 6: (3, True)}, [0, 4, 8, 2, 6], "04.avi"),
+        ({8: (1, False)}, [0, 4, 8, 2, 6, 1, 3, 5, 7], "08.avi"),
+    ],
+)
+def test_more_videos_are_looked_at_until_some_show_whiskers_and_one_a_pole(
+    tmp_path, monkeypatch, showing, numbers, shown
+):
+    all_of = {number: showing.get(number, (0, False)) for number in range(9)}
+    looked, picture = looked_at(tmp_path, monkeypatch, all_of)
+    assert looked == numbers
+    assert picture == f"in the picture: {shown}"
+
+
+def test_not_all_of_many_videos_are_looked_at(tmp_path, monkeypatch):
+    looked, _ = looked_at(tmp_path, monkeypatch, dict.fromkeys(range(40), (2, False)))
+    assert len(looked) == init.MOST
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_its_videos_are_looked_at(
