@@ -11,6 +11,7 @@ from pipeline.contacts import (
     ContactTables,
     corrections_given,
     find_contacts,
+    left_out,
     no_contacts,
 )
 from pipeline.detection import PoleTrack
@@ -20,6 +21,7 @@ from pipeline.identity import Unnamed, assign_identities
 from pipeline.kinematics import (
     Kinematics,
     KinematicsMeter,
+    StationStore,
     as_recorded,
     given_lines,
     locate_follicles,
@@ -90,21 +92,22 @@ def analyse(
     clock, say, stored = Clock(), progress or (lambda step: None), []
     settings = given.without_bare_whiskers()
     keep = keep or (lambda chunk: stored.append(chunk.points_only()))
-    with open_video(video, threads) as video:
-        with clock("scene"):
-            say(Step("scene"))
-            what = look_at(video, settings)
-        with clock("whiskers"):
-            say(Step("whiskers"))
-            seen = without_whiskers(find_whiskers(*what, settings), settings)
-        kinematics = follow(seen, settings, clock, keep, say)
-    with clock("forces"):
-        say(Step("forces"))
-        frames, evidence = forces_of(kinematics, settings)
+    with StationStore() as places:
+        with open_video(video, threads) as video:
+            with clock("scene"):
+                say(Step("scene"))
+                what = look_at(video, settings)
+            with clock("whiskers"):
+                say(Step("whiskers"))
+                seen = without_whiskers(find_whiskers(*what, settings), settings)
+            kinematics = follow(seen, settings, clock, places, keep, say)
+        with clock("forces"):
+            say(Step("forces"))
+            frames, evidence = forces_of(kinematics, settings)
     with clock("contacts"):
         say(Step("contacts"))
         tables = contacts_of(kinematics, frames, evidence, settings, corrections)
-    notes = messages(settings, tables, seen, kinematics)
+    notes = [*messages(settings, tables, seen, kinematics), *_unused(corrections, kinematics)]
     return _analysis(kinematics, tables, notes, clock, given, stored, seen.video.shifts)
 
 
@@ -133,15 +136,22 @@ def analyse_lines(lines, settings, pole=None, n_frames=0, keep=None, corrections
     lines = lines if isinstance(lines, Centrelines) else lines_of_table(lines)
     n_frames = max(int(n_frames), int(lines.frame.max(initial=-1)) + 1)
     _check_pole(pole, n_frames)
-    kinematics = measure_lines(
-        lines, settings, pole or _given_pole(settings), n_frames, keep, clock
-    )
-    with clock("forces"):
-        frames, evidence = forces_of(kinematics, settings)
+    pole = pole or _given_pole(settings)
+    with StationStore() as places:
+        kinematics = measure_lines(lines, settings, pole, n_frames, clock, places, keep)
+        with clock("forces"):
+            frames, evidence = forces_of(kinematics, settings)
     with clock("contacts"):
         tables = contacts_of(kinematics, frames, evidence, settings, corrections)
-    notes = line_messages(settings, tables, kinematics)
+    notes = [*line_messages(settings, tables, kinematics), *_unused(corrections, kinematics)]
     return _analysis(kinematics, tables, notes, clock, settings, stored)
+
+
+def _unused(corrections, kinematics):
+    """Sentences on corrections that cannot be applied to a video."""
+    if corrections is None:
+        return ()
+    return left_out(corrections, kinematics.frames["whisker"].unique(), kinematics.n_frames)
 
 
 def _analysis(kinematics, tables, notes, clock, settings, stored, shifts=None) -> Analysis:
@@ -232,7 +242,9 @@ def _other_pole(frames, epochs, settings) -> Pole | None:
     return pole_of_another_size(frames, scenes[0], radius_px, scale, settings.advanced.scene)
 
 
-def follow(seen: Seen, settings, clock, keep=None, say=lambda step: None) -> Kinematics:
+def follow(
+    seen: Seen, settings, clock, places: StationStore, keep=None, say=lambda step: None
+) -> Kinematics:
     """Follow the whiskers through all frames, and measure angle, curvature, distance to the pole.
 
     Frames, lines and measurements pass through in chunks, so that memory does not grow with the
@@ -249,7 +261,7 @@ def follow(seen: Seen, settings, clock, keep=None, say=lambda step: None) -> Kin
     at = settings.analysis.curvature_at
     names = settings.analysis.follow
     meter = KinematicsMeter(
-        whisker_set.only(names), recording, at, pole_track(epochs), params.kinematics
+        whisker_set.only(names), recording, at, pole_track(epochs), params.kinematics, places
     )
     for chunk in clock.each("centrelines", lines):
         chunk = chunk.of(names)
@@ -262,7 +274,9 @@ def follow(seen: Seen, settings, clock, keep=None, say=lambda step: None) -> Kin
     return replace(meter.result(frames.count), unnamed=unnamed.count)
 
 
-def measure_lines(lines, settings, pole, n_frames, keep, clock) -> Kinematics:
+def measure_lines(
+    lines, settings, pole, n_frames, clock, places: StationStore, keep
+) -> Kinematics:
     """Follicle, angle, curvature and distance to the pole of given lines; see `analyse_lines`."""
     recording, params = settings.recording.si(), settings.advanced.kinematics
     _check_names(lines.names, settings)
@@ -273,7 +287,8 @@ def measure_lines(lines, settings, pole, n_frames, keep, clock) -> Kinematics:
     options = replace(options_for(recording, params=settings.advanced), hidden_px=hidden)
     chunks = given_lines.chunks_of(lines, CHUNK_FRAMES)
     chunks = locate_follicles(chunks, given_lines.sample_of(lines), options)
-    meter = KinematicsMeter(whisker_set, recording, settings.analysis.curvature_at, pole, params)
+    at = settings.analysis.curvature_at
+    meter = KinematicsMeter(whisker_set, recording, at, pole, params, places)
     for chunk in clock.each("centrelines", chunks):
         with clock("kinematics"):
             meter.add(chunk)

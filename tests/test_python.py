@@ -2,7 +2,9 @@
 
 import subprocess
 import sys
+import tempfile
 import warnings
+from contextlib import nullcontext
 
 import numpy as np
 import pandas as pd
@@ -271,6 +273,7 @@ def test_what_cannot_be_analysed_gets_a_message(rendered, video, settings, error
         ([("free", 5, 9), ("free", np.nan, 15)], "row 1: expected whole numbers .*, got nan"),
         ([("free", 5, 9), ("contact", 9, 5)], "row 1: onset_frame 9 and offset_frame 5"),
         ([("contact", 5, 9), ("contact", 8, 11)], "has frames of contact .5, 9. in row 0"),
+        ([("free", 5, 9), ("contact", 5, 9)], "row 0: no contact of 'C2' in .*, but row 1 has"),
     ],
 )
 def test_corrections_are_checked_before_anything_is_analysed(given, words):
@@ -282,6 +285,47 @@ def test_corrections_are_checked_before_anything_is_analysed(given, words):
         analyse("gone.avi", settings, corrections=given)
     with pytest.raises(InputError, match=words):
         analyse_lines(_lines(0), settings, corrections=given)
+
+
+def test_corrections_that_do_not_apply_are_said(analysis):
+    rows = [Verdict("D1", "free", 1, 2, 1, 2), Verdict("C2", "free", 5, 10**6, 5, 10**6)]
+    given = pd.DataFrame(rows)
+    x, y = float(analysis.pole.x_px[0]), float(analysis.pole.y_px[0])
+    pole = PoleTrack(x, y, 6.25)
+    lines, settings = analysis.centrelines, analysis.settings
+    found = analyse_lines(lines, settings, pole, corrections=given)
+    assert "1 of 'D1', which is not a whisker of this video (C2): not applied" in str(
+        found.messages
+    )
+    assert "1 reach beyond the video's end" in str(found.messages)
+    fits = analyse_lines(lines, settings, pole, corrections=given.iloc[:0])
+    assert "corrections" not in str(fits.messages)
+
+
+def test_corrections_of_a_video_are_said_too(frames, rendered):
+    given = pd.DataFrame([Verdict("D1", "free", 1, 2, 1, 2)])
+    found = analyse(frames[:20], rendered / "session.toml", corrections=given)
+    assert "'D1', which is not a whisker of this video" in str(found.messages)
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_temporary_files_are_closed_when_the_analysis_ends(analysis, monkeypatch, fails):
+    opened, usual = [], tempfile.TemporaryFile
+
+    def temporary_file(*given, **how):
+        opened.append(usual(*given, **how))
+        return opened[-1]
+
+    def no_memory(*given):
+        raise MemoryError
+
+    monkeypatch.setattr(tempfile, "TemporaryFile", temporary_file)
+    if fails:
+        monkeypatch.setattr("pipeline.run.forces_of", no_memory)
+    with pytest.raises(MemoryError) if fails else nullcontext():
+        analyse_lines(analysis.centrelines, analysis.settings)
+    assert opened
+    assert all(file.closed for file in opened)
 
 
 def test_a_pole_may_never_be_in_view_and_a_count_be_a_float():

@@ -13,7 +13,7 @@ import typer
 
 from pipeline.app import convert, terminal
 from pipeline.app.calibrate import calibrate
-from pipeline.app.options import Debug, Jobs, Out, Results, argument, option, switch
+from pipeline.app.options import Debug, Jobs, Out, Results, argument, option, switch, whole
 from pipeline.app.terminal import FAILED, UNUSABLE, say
 from pipeline.runtime.interrupts import INTERRUPTED, listen
 
@@ -149,11 +149,9 @@ def synth(
         callback=_list_presets,
         is_eager=True,
     ),
-    seed: option(int, "N", "Random seed; the same seed renders the same videos.", min=0) = 0,
-    trials: option(
-        int | None, "N", "Number of videos to render.  [default: as many as the preset has]", min=1
-    ) = None,
-    frames: option(int, "N", "Number of frames per video.", min=50) = 1000,
+    seed: whole("Random seed; the same seed renders the same videos.", 0) = 0,
+    trials: whole("Number of videos to render.  [default: as many as the preset has]", 1) = None,
+    frames: whole("Number of frames per video, 50 or more.", 50) = 1000,
     jobs: Jobs = None,
     quiet: Quiet = False,
     debug: Debug = False,
@@ -177,9 +175,7 @@ def figures(
     ) = None,
     video: option(str | None, "NAME", "Video shown in panels a and b.") = None,
     whisker: option(str | None, "NAME", "Whisker shown in panels a and b.") = None,
-    contact: option(
-        int | None, "N", "Number of the contact shown there.  [default: a typical one]", min=1
-    ) = None,
+    contact: whole("Number of the contact shown there.  [default: a typical one]", 1) = None,
     debug: Debug = False,
 ):
     """Draw the paper's figure 3 from the tables.
@@ -209,7 +205,7 @@ def _say_damaged(damaged) -> bool:
 @app.command()
 def curate(
     results: argument(Path, "RESULTS", "Results folder of `whiskerforce run`."),
-    port: option(int, "N", "Port to serve the page on; 0: any free port.", min=0, max=65535) = 0,
+    port: whole("Port to serve the page on; 0: any free port.", 0, 65535) = 0,
     browser: switch("Open the page in the browser.") = True,
     name: option(
         str | None,

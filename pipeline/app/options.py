@@ -39,6 +39,22 @@ def _number(text) -> float:
         ) from None
 
 
+def whole(words, least, most=None, *names):
+    """Type of an option whose value is a whole number from `least` to `most`; None: no limit."""
+    limits = f"of at least {least}" if most is None else f"from {least} to {most}"
+
+    def read(text) -> int:
+        try:
+            value = int(text)
+        except ValueError:
+            value = least - 1
+        if least <= value and (most is None or value <= most):
+            return value
+        raise typer.BadParameter(f"{text!r}: expected a whole number {limits}")
+
+    return option(int | None, "N", words, *names, parser=read)
+
+
 def up_to_date(results: Path) -> Path:
     """The results folder, its tables brought up to a person's corrections."""
     from pipeline.curate.corrected import bring_up_to_date
@@ -58,7 +74,5 @@ def a_folder(out: Path) -> Path:
 
 Results = argument(Path, "RESULTS", "Results folder of `whiskerforce run`.", callback=up_to_date)
 Out = option(Path, "DIR", "Folder to write to; created if missing.", "--out", callback=a_folder)
-Jobs = option(
-    int | None, "N", "Number of parallel processes.  [default: one per core]", "--jobs", min=1
-)
+Jobs = whole("Number of parallel processes.  [default: one per core]", 1, None, "--jobs")
 Debug = switch("Show where in the program an error occurred (traceback).", "--debug")

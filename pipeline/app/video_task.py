@@ -72,7 +72,7 @@ def process_video(task: Task, report=None) -> Outcome:
 
 def _analyse_and_save(task, report) -> Outcome:
     """Analyse and write all tables; the state file records how they were made."""
-    from pipeline.contacts.corrections import left_out, read_corrections
+    from pipeline.contacts.corrections import read_corrections
 
     before, content = stamp(task.path), sha256(task.path)
     started = seconds_without_compiling()
@@ -92,9 +92,6 @@ def _analyse_and_save(task, report) -> Outcome:
         if not same_input({"input": before, "sha256": content}, task.path):
             before = {}  # of no video: the next run processes it anew
             outcome = warned(outcome, CHANGED)
-        whiskers = tuple(dict.fromkeys(analysis.frames["whisker"]))
-        for problem in left_out(corrections, whiskers, analysis.n_frames):
-            outcome = warned(outcome, problem)
         for key, doubt in DOUBTS.items():
             outcome = warned(outcome, doubt if decided[key] != known[key] else "")
         known = known | {"settings_sha256": task.digest, "input": before, DECIDED_ON: decided}

@@ -6,6 +6,12 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "analysis": ["ContactTables", "ContactOptions", "find_contacts", "no_contacts"],
-        "corrections": ["apply", "corrections_given", "read_corrections", "write_corrections"],
+        "corrections": [
+            "apply",
+            "corrections_given",
+            "left_out",
+            "read_corrections",
+            "write_corrections",
+        ],
     },
 )

@@ -46,6 +46,11 @@ class Verdict(NamedTuple):
         """(covers_from, covers_to)."""
         return self.covers_from, self.covers_to
 
+    def lies_in(self, contact) -> bool:
+        """Whether all frames that it speaks of are those of a contact of the same whisker."""
+        inside = overlap(self.cover, (contact.onset_frame, contact.offset_frame))
+        return self.whisker == contact.whisker and inside == self.covers_to - self.covers_from
+
 
 FRAMES = Verdict._fields[2:6]  # columns that hold numbers of frames
 
@@ -125,7 +130,7 @@ def _faults(numbers, corrections, what):
     """Numbers of `what` is wrong in a table of corrections, rows or a file's lines, and why."""
     numbered = list(zip(numbers, verdicts(corrections), strict=True))
     faults = [(number, fault) for number, verdict in numbered if (fault := _fault(verdict))]
-    return faults or _clashes(numbered, what)
+    return faults or itertools.chain(_clashes(numbered, what), _contradictions(numbered, what))
 
 
 def _fault(verdict):
@@ -155,6 +160,22 @@ def _clashes(numbered, what):
                 number,
                 f"contact {later} of {name!r} has frames of contact {span} in {what} {line}: keep "
                 "one of them",
+            )
+
+
+def _contradictions(numbered, what):
+    """Yield the number of a row that denies what another one states, and what is wrong with it.
+
+    Around a contact it may deny others.
+    """
+    contacts = [(verdict, number) for number, verdict in numbered if verdict.verdict != FREE]
+    for number, free in numbered:
+        stated = (each for each in contacts if free.verdict == FREE and free.lies_in(each[0]))
+        for contact, other in stated:
+            yield (
+                number,
+                f"no contact of {free.whisker!r} in {free.cover}, but {what} {other} has contact "
+                f"{contact.span} there: delete one of the two",
             )
 
 

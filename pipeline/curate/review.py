@@ -215,6 +215,8 @@ class Review:
             span = Span(span.whisker, start, stop)
         now = datetime.now(UTC).isoformat(timespec="seconds")
         new = Verdict(*span[:1], verdict, *span[1:], start, stop, now, self.person)
+        denied = [v for v in self.verdicts if verdict != FREE and v.verdict == FREE]
+        replaced += [v for v in denied if v.lies_in(new)]
         self._change([v for v in self.verdicts if v not in replaced] + [new])
 
     def _is_all_detected(self, span, start, stop):

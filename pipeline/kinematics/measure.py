@@ -23,7 +23,7 @@ class Kinematics:
     ----------
     whisker_set : the whiskers
     frames : table of FRAME_COLUMNS with the kinematics, a row per frame and whisker
-    places : `Stations` of all traced rows, by whisker
+    places : `Stations` of all traced rows, by whisker, until the store is closed
     pole : where the pole was; None if it was never seen
     n_frames : frames read
     unnamed : how many more whiskers are seen than have a table in session.toml
@@ -47,6 +47,7 @@ class KinematicsMeter:
     curvature_at : arc length from the follicle at which curvature is taken [m]
     pole : where the pole is; None where there is none
     params : the room's parameters
+    places : takes the places of all rows
     """
 
     def __init__(
@@ -56,10 +57,11 @@ class KinematicsMeter:
         curvature_at: float,
         pole: PoleTrack | None,
         params: KinematicsParams,
+        places: StationStore,
     ):
         self.whisker_set, self.recording, self.curvature_at = whisker_set, recording, curvature_at
         self.pole, self.params = pole, params
-        self._tables, self._places = [], StationStore()
+        self._tables, self._places = [], places
 
     def add(self, chunk, interpolated=frozenset()) -> None:
         """Measure the next chunk; `interpolated` as for `measure_stations`."""

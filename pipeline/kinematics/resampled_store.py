@@ -55,6 +55,8 @@ class StoredStations(Stations):
 class StationStore:
     """Takes `Stations` chunk by chunk; `of(name)` gives back all rows of one whisker.
 
+    Its files are there until the end of a `with` block.
+
     Attributes
     ----------
     names, spacing : as in `Stations`
@@ -64,6 +66,13 @@ class StationStore:
         self.names, self.spacing = (), np.empty(0)
         self._sizes = {}
         self._files, self._columns = [], []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        for file in self._files:
+            file.close()
 
     @temporary_room()
     def add(self, chunk: Stations) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.analysis import Analysis
+from pipeline.contacts import left_out
 from pipeline.detection.static_scene import PoleTrack
 from pipeline.errors import VideoError
 
@@ -29,5 +30,6 @@ def quick_analyse(path, settings, keep=None, progress=None, corrections=None, th
         evidence=frames[["frame", "whisker"]],
         pole=PoleTrack(np.full(1, 3.0), np.full(1, 4.0), 6.0),
         n_frames=FRAMES,
+        messages=() if corrections is None else tuple(left_out(corrections, ["C2"], FRAMES)),
         settings=settings,
     )

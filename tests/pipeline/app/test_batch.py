@@ -81,11 +81,9 @@ def calls(monkeypatch):
             raise KeyboardInterrupt
         if progress:
             progress(Step("following", 10, 10))
-        return replace(
-            quick_analyse(path, settings),
-            messages=("beware",) if content.startswith(b"odd") else (),
-            seconds={"centrelines": 0.5},
-        )
+        found = quick_analyse(path, settings, corrections=corrections)
+        odd = ("beware",) if content.startswith(b"odd") else ()
+        return replace(found, messages=(*odd, *found.messages), seconds={"centrelines": 0.5})
 
     monkeypatch.setattr(pipeline.run, "analyse", analyse)
     monkeypatch.setattr(pipeline.reports.figures, "write_fig3", lambda out: None)

@@ -416,6 +416,15 @@ def test_interruption_says_how_to_go_on(ran, capsys):
         (["run", "here", "--out", "out"], "no session.toml"),
         (["run", "here", "--out", "out", "--config", "none.toml"], "none.toml: 1 problem"),
         (["run", "here", "--out", "out", "--jobs", "0"], "--jobs"),
+        (
+            ["run", "here", "--out", "out", "--jobs", "x"],
+            "'--jobs': 'x': expected a whole number of at least 1",
+        ),
+        (
+            ["synth", "out", "--preset", "single", "--frames", "49"],
+            "'--frames': '49': expected a whole number of at least 50",
+        ),
+        (["curate", "here", "--port", "70000"], "expected a whole number from 0 to 65535"),
         (["frobnicate"], "frobnicate"),
         (["synth", "out", "--preset", "none"], "single"),
         (["init", "nowhere"], "nowhere"),

@@ -198,6 +198,19 @@ def test_two_contacts_at_once_are_refused_with_their_lines(tmp_path):
     assert len(corrections.read_corrections(tmp_path)) == 4
 
 
+@pytest.mark.parametrize("denied", [(10, 20), (12, 15)])
+def test_a_contact_that_another_row_denies_is_refused_with_both_lines(tmp_path, denied):
+    stated, other = verdict(CONTACT, (10, 20)), verdict(FREE, (30, 40))
+    corrections.write_corrections(tmp_path, table_of([other, stated, verdict(FREE, denied)]))
+    with pytest.raises(CorrectionsError) as caught:
+        corrections.read_corrections(tmp_path)
+    assert "corrections.csv: line 4: no contact of 'C2' in" in str(caught.value)
+    assert "but line 3 has contact (10, 20) there: delete one of the two" in str(caught.value)
+    fits = [stated, verdict(FREE, denied, whisker="C3"), verdict(FREE, (20, 25))]
+    corrections.write_corrections(tmp_path, table_of(fits))
+    assert len(corrections.read_corrections(tmp_path)) == 3
+
+
 def test_what_spreadsheets_leave_is_read_and_lines_are_counted_as_they_show_them(tmp_path):
     rows = table_of([verdict(FREE, (1, 2)), verdict(FREE, (40, 50))])
     corrections.write_corrections(tmp_path, rows)
@@ -332,6 +345,15 @@ def test_confirming_keeps_the_contact_the_programs_own():
     assert len(saved) == 1
 
 
+def test_a_contact_that_reaches_over_a_deleted_one_takes_its_place():
+    for extend in (lambda e: e.move(Span("C2", 30, 45), onset=8), lambda e: e.merge(e.spans[0])):
+        edited, saved = review((5, 8), (10, 20), (30, 45))
+        edited.delete(Span("C2", 10, 20))
+        extend(edited)
+        assert [each.verdict for each in edited.verdicts] == [CONTACT]
+        corrections.corrections_given(saved[-1])  # raises where rows contradict each other
+
+
 def test_merging_two_contacts():
     edited, _ = review((10, 20), (23, 45), (60, 70))
     assert edited.merge(Span("C2", 10, 20)) == Span("C2", 10, 45)
@@ -375,7 +397,7 @@ def test_whatever_is_edited_contacts_never_overlap_and_the_file_says_it_all(foun
         ordered = sorted(s[1:] for s in edited.spans)
         assert all(a[1] <= b[0] for a, b in itertools.pairwise(ordered))
     if saved:
-        again, _ = review(*found, corrections=saved[-1])
+        again, _ = review(*found, corrections=corrections.corrections_given(saved[-1]))
         assert again.spans == edited.spans
 
 
