@@ -261,12 +261,16 @@ def _unnamed_whiskers(settings, followed):
     wanted = [f'"{name}"' for name in settings.analysis.follow or names]
     follow = ", ".join(wanted[:MOST_NAMED] + ["…"] * (len(wanted) > MOST_NAMED))
     tables = (
-        f"only {len(names)} have a [[whisker]] table: which ones are {names[0]} to {names[-1]}"
+        f"only {len(names)} have a [[whisker]] table: which ones are {names[0]} to {names[-1]} "
+        "is a guess"
     )
     if len(names) == 1:
-        tables = f"only one has a [[whisker]] table: which one is {names[0]}"
+        tables = (
+            f"only one has a [[whisker]] table: which one is {names[0]} is a guess, from how near "
+            "each comes to the pole and how well it is seen,"
+        )
     yield (
-        f"about {seen} whiskers are seen at a time, but {tables} is a guess and may be wrong; "
+        f"about {seen} whiskers are seen at a time, but {tables} and may be wrong; "
         "give every whisker a table, in order along the face (a name is enough), and write "
         f"[analysis] follow = [{follow}] to get only those"
     )

@@ -125,7 +125,9 @@ def _all_rows(lines, templates, given, sides, open_ended, limits, unnamed):
         here = {name: px for name, px in longest.items() if name.startswith(side_name)}
         # a whisker that the first look missed may be seen later: it has a name, too
         wanted = None if open_ended else max(len(row), len(here))
-        named, sure[own] = names(frame[own], track[own], features[own], limits, wanted, direction)
+        meant = _place_of(row[0], base[own]) if len(row) == wanted == 1 else None
+        lines_here = frame[own], track[own], features[own]
+        named, sure[own] = names(*lines_here, limits, wanted, direction, meant)
         if open_ended:
             low = limits.params.nameless_confidence
             lines_here = frame[own], track[own], base[own]
@@ -140,6 +142,13 @@ def _all_rows(lines, templates, given, sides, open_ended, limits, unnamed):
         whisker[own] = np.where(named < 0, -1, named + len(all_names))
         all_names += names_here
     return whisker, sure, all_names
+
+
+def _place_of(template, base) -> np.ndarray:
+    """How likely lines begin where a template's do, (rows,): 1 at its place, less beside it."""
+    known = np.array([line.points[0] for line in template.samples]) - template.base_xy
+    usual = max(np.median(np.hypot(*known.T)), 1.0)
+    return 1 / (1 + np.hypot(*(base - template.base_xy).T) / usual)
 
 
 def _are_hairs(frame, track, base, features, templates):
@@ -184,7 +193,7 @@ def _whole_lengths(chunk, length, tips_seen):
     return np.where(whole, length, np.nan)
 
 
-def names(frame, track, features, limits: Limits, wanted=None, direction=1):
+def names(frame, track, features, limits: Limits, wanted=None, direction=1, meant=None):
     """Whisker of every line (rows,), −1 for none, and how sure it is (rows,), 0 to 1.
 
     Whiskers are numbered along the face.
@@ -197,6 +206,7 @@ def names(frame, track, features, limits: Limits, wanted=None, direction=1):
     wanted : how many whiskers to name: those seen in most frames, and best; None: all but those
         that are seldom seen
     direction : 1: in ascending order of their directions; −1: descending
+    meant : (rows,) how likely each line is one of those to name; None: all alike
     """
     named, sure = np.full(len(frame), -1), np.ones(len(frame))
     usable = np.flatnonzero(np.isfinite(features[:, ANGLE]))
@@ -207,7 +217,8 @@ def names(frame, track, features, limits: Limits, wanted=None, direction=1):
         features[order], frame[order].astype(int), track[order].astype(int), limits
     )
     whisker, sure[order] = best_names(lines)
-    named[order] = _in_order(whisker, lines, wanted, direction)
+    meant = np.ones(len(order)) if meant is None else meant[order]
+    named[order] = _in_order(whisker, lines, wanted, direction, meant)
     return named, sure
 
 
@@ -236,7 +247,7 @@ def with_unnamed(frame, track, base, whisker, sure, unnamed_confidence):
     return whisker, sure
 
 
-def _in_order(whisker, lines, wanted, direction):
+def _in_order(whisker, lines, wanted, direction, meant):
     """The same names numbered along the face, −1 for those of whiskers that are left out."""
     features = lines.features
     count = np.bincount(whisker[whisker >= 0], minlength=1)
@@ -245,7 +256,8 @@ def _in_order(whisker, lines, wanted, direction):
         chosen = np.flatnonzero(count >= max(seldom * len(np.unique(lines.frame)), 1))
     else:
         strength = np.exp(_medians(features[:, LENGTH] + features[:, THICKNESS], whisker, count))
-        chosen = np.argsort(-count * np.sqrt(np.nan_to_num(strength)))[:wanted]
+        merit = count * np.sqrt(np.nan_to_num(strength)) * _medians(meant, whisker, count)
+        chosen = np.argsort(-merit)[:wanted]
         chosen = chosen[count[chosen] > 0]
     near = _medians(features[:, ANGLE] + features[:, NEAR_BEND], whisker, count)
     number = np.full(len(count) + 1, -1)

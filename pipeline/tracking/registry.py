@@ -13,7 +13,7 @@ from pipeline.detection.tracing_options import TracingOptions
 from pipeline.numerics.robust import column_medians
 from pipeline.scene.epochs import as_epochs, numbers_at
 from pipeline.tables.centrelines import Centrelines
-from pipeline.tracking import hairs, line_ends, matching
+from pipeline.tracking import at_pole, hairs, line_ends, matching
 from pipeline.tracking.given_lengths import (
     GivenLengths,
     numbers_in_order,
@@ -127,11 +127,12 @@ def find_templates(
 def templates_and_others(frames, scene, options, names=None, indices=None):
     """As `find_templates`, and `WhiskerTemplate`s of what else is mostly seen, without names."""
     at = frames, scene, options, names, indices
-    found, side = _lines_of(*at)
+    found, poles, side = _lines_of(*at)
     absorbed = usual_absorbance([line for lines in found for line in lines])
     params = options.params.detection
     if params.faintest_share * absorbed < params.faintest:  # a picture of little contrast
-        found, side = _lines_of(*at, absorbed)
+        found, poles, side = _lines_of(*at, absorbed)
+    poles = [pole for pole, lines in zip(poles, found, strict=True) if lines]
     found = [lines for lines in found if lines]
     if not found:
         return [], []
@@ -144,7 +145,10 @@ def templates_and_others(frames, scene, options, names=None, indices=None):
     templates = [_template(group) for group in groups]
     if names:
         hair = still_hairs(templates, np.array([moves(g.lines) for g in groups]), len(found))
-        chosen = np.lexsort((-share * np.sqrt(strength), hair))[: len(names)]
+        merit = share * np.sqrt(strength)
+        if len(names) == 1:
+            merit *= _nearness_to_pole(groups, poles, options.pixels_per_m)
+        chosen = np.lexsort((-merit, hair))[: len(names)]
     others = [templates[k] for k in np.setdiff1d(often, chosen)]
     templates = [templates[k] for k in chosen]
     templates.sort(key=lambda template: ruler.order_place(template.signature))
@@ -155,6 +159,16 @@ def templates_and_others(frames, scene, options, names=None, indices=None):
     given = dict(zip(names, longest, strict=True))
     tips_seen = line_ends.tips_seen(scene, options.params.detection) if known else None
     return named_as_given(templates, GivenLengths(given, tips_seen)), others
+
+
+def _nearness_to_pole(groups, poles, pixels_per_m) -> np.ndarray:
+    """`at_pole.nearness` of each group, (groups,); poles : in each of the frames."""
+    return np.array(
+        [
+            at_pole.nearness(g.lines, [poles[k] for k in g.frames], len(poles), pixels_per_m)
+            for g in groups
+        ]
+    )
 
 
 def _are_hairs(groups) -> np.ndarray:
@@ -257,10 +271,10 @@ def _share_out(groups, frame, lines, seen, ruler, known=None, new=False):
 
 
 def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
-    """Lines of every frame, and the side that the face is on; `absorbed` as in `ImageModel`."""
+    """Lines and pole of every frame, and the face's side; `absorbed` as in `ImageModel`."""
     several = names is None or len(names) > 1
     wanted = detect.Wanted(enough=len(names) if names else np.inf)
-    found, side = [], "left"
+    found, poles, side = [], [], "left"
     for present, chosen in _by_scene(frames, scene, indices):
         model = ImageModel.from_scene(present, options.params.detection, absorbed=absorbed)
         workspace = Workspace.for_picture(present.background.shape, options.spacing_px)
@@ -269,8 +283,9 @@ def _lines_of(frames, scene, options, names, indices, absorbed=np.inf):
             found.append(
                 detect.detect_crowded(frame, wanted=wanted) if several else detect.detect(frame)
             )
+        poles += [present.pole] * len(chosen)
         side = present.face_side
-    return found, side
+    return found, poles, side
 
 
 def _by_scene(frames, scene, indices):
