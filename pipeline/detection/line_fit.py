@@ -16,6 +16,7 @@ from pipeline.numerics import bsplines
 from pipeline.numerics.polyline import bilinear, normals, resample
 
 STIFFNESS = 40.0  # 1/px²: third differences of the line over three knots are about 0.15 px
+STRAIGHTNESS = 4e4  # px, × ∫ κ² ds: a line is straight where fur or a neighbour hides the whisker
 SHORTEST = 12  # nodes that a line needs to be one
 MOST_STEPS = 4  # of Gauss–Newton
 STILL_SEEN = 0.95  # part of a line in the next frame, where it lies just as predicted
@@ -292,7 +293,7 @@ def measure(picture, nodes, n, fit, scratch):
 
 
 @njit(cache=True, inline="always")
-def fit_offset(x, y, n, stiffness, scratch):
+def fit_offset(x, y, n, scratch):
     """Gauss–Newton's spline offset along the normals, from the measured information and score."""
     nx, ny, offset, band, rhs = (
         scratch.normal_x, scratch.normal_y, scratch.offset, scratch.band, scratch.rhs,
@@ -302,8 +303,9 @@ def fit_offset(x, y, n, stiffness, scratch):
     k = bsplines.normal_equations(information, score, n, at_nodes, spacing, band, rhs)
     normals(x, y, n, nx, ny)
     smooth_x, smooth_y = scratch.smooth_x, scratch.smooth_y
-    bsplines.add_smoothness_prior(band, rhs, k, smooth_x, smooth_y, nx, ny, n, spacing, stiffness)
-    bsplines.add_difference_penalty(band, k, bsplines.SECOND, 0.02 * stiffness)
+    line, straightness = (smooth_x, smooth_y, nx, ny, n, spacing), STRAIGHTNESS / spacing**3
+    bsplines.add_smoothness_prior(band, rhs, k, bsplines.THIRD, *line, STIFFNESS)
+    bsplines.add_smoothness_prior(band, rhs, k, bsplines.SECOND, *line, straightness)
     for i in range(k):
         band[i, 0] += 1e-3
     bsplines.factorise(band, k)
@@ -374,7 +376,7 @@ def refine(picture, values, n, fit, room):
         before = end
         bridge = WIDEST_GAP * fit.bridge
         end = visible_end(work.amplitude, work.amplitude_se, work.sums, seen, bridge, fit)
-        fit_offset(x, y, n, STIFFNESS, work)
+        fit_offset(x, y, n, work)
         move(x, y, n, work)
         tip = min(end + BEYOND_TIP, n)
         farthest = largest(work.offset, end)

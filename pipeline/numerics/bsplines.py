@@ -131,23 +131,25 @@ def add_difference_penalty(band, k, weights, strength):
 
 
 @njit(cache=True)
-def add_smoothness_prior(band, rhs, k, knot_x, knot_y, nx, ny, n, spacing, strength):
-    """Hold the third differences of line + offset near zero: its curvature changes gradually.
+def add_smoothness_prior(band, rhs, k, weights, knot_x, knot_y, nx, ny, n, spacing, strength):
+    """Hold differences of line + offset near zero, weights as `SECOND` or `THIRD`.
+
+    By its second differences a line is straight, by its third its curvature changes gradually.
 
     knot_x, knot_y : coefficients of the reference line, which the offset spline is added to
     nx, ny : normals at its nodes
     """
-    d = THIRD
-    for i in range(k - 3):
-        if int((i + 2) * spacing) > n - 1:
+    d = weights
+    for i in range(k - len(d) + 1):
+        if int((i + len(d) - 2) * spacing) > n - 1:
             continue
-        middle = int((i + 0.5) * spacing)
+        middle = int((i + 0.5 * (len(d) - 3)) * spacing)
         bend = 0.0
-        for p in range(4):
+        for p in range(len(d)):
             bend += d[p] * (knot_x[i + p] * nx[middle] + knot_y[i + p] * ny[middle])
-        for p in range(4):
+        for p in range(len(d)):
             rhs[i + p] -= strength * d[p] * bend
-            for q in range(p, 4):
+            for q in range(p, len(d)):
                 band[i + p, q - p] += strength * d[p] * d[q]
 
 

@@ -59,7 +59,7 @@ def test_smooth_keeps_a_cubic():
     assert np.abs(straight - i).max() < 1e-9
 
 
-def straightened(y, strength=1e3):
+def straightened(y, strength=1e3, weights=bsplines.THIRD):
     """A line y (n,) after the smoothness prior has moved it, with hardly anything against it."""
     n, spacing = len(y), 10.0
     x, y = np.arange(n, dtype=float), y.copy()
@@ -69,7 +69,8 @@ def straightened(y, strength=1e3):
     k = bsplines.normal_equations(np.full(n, 1e-3), np.zeros(n), n, at_nodes, spacing, band, rhs)
     knot_x, knot_y = np.zeros((2, n))
     bsplines.smooth(x, y, n, at_nodes, spacing, np.zeros((n, 4)), knot_x, knot_y)
-    bsplines.add_smoothness_prior(band, rhs, k, knot_x, knot_y, nx, ny, n, spacing, strength)
+    line = knot_x, knot_y, nx, ny, n, spacing
+    bsplines.add_smoothness_prior(band, rhs, k, weights, *line, strength)
     for i in range(k):
         band[i, 0] += 1e-6
     bsplines.factorise(band, k)
