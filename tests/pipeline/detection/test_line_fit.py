@@ -272,3 +272,29 @@ def test_a_tip_that_lies_against_a_thick_pole_is_kept():
     ]
     assert kept[0] < len(x) - 16  # anything else as large is an edge
     assert kept[1] == len(x)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_dark_hair_at_the_base_hardly_turns_a_faint_whisker(seed):
+    """It begins 12 px beside the straight whisker and meets it 15 px off the face."""
+    y, x = np.mgrid[:300, :600]
+    image = bare(LIGHT) * (1 - 0.05 * np.exp(-0.5 * ((y - 150) / SIGMA) ** 2) * (x < 400))
+    along, across = np.array([15.0, 12.0]) / np.hypot(15, 12)
+    beside = (y - 138) * along - (x - FACE) * across
+    is_hair = (FACE < x) & (x < FACE + 15)
+    image *= 1 - 0.3 * np.exp(-0.5 * (beside / SIGMA) ** 2) * is_hair
+    image += np.random.default_rng(seed).normal(0, NOISE, image.shape)
+    image = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+
+    nothing = np.zeros(image.shape, bool)
+    model = ImageModel.from_scene(replace(scene(LIGHT), obstacle_mask=nothing), DEFAULTS.detection)
+    options = options_for(Recording(1000.0, 12.5, "left"))
+    workspace = Workspace.for_picture(image.shape, options.spacing_px)
+    line = Line.empty(workspace.limit)
+    line.n = 350
+    line.x[: line.n], line.y[: line.n] = FACE + np.arange(line.n), 150.0
+    line.amplitude[:], line.sigma[:] = 0.05, SIGMA
+    for _ in range(6):
+        refine(Frame(image, model, 1.0, options, workspace), line)
+    dx, dy = line.points[15] - line.points[0]
+    assert abs(np.degrees(np.arctan2(dy, dx))) < 12  # 37 to 44 if bends cost nothing

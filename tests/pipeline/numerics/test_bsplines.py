@@ -86,6 +86,14 @@ def test_smoothness_prior_pulls_a_kinked_line_straight():
     assert (after**2).sum() < 0.35 * (before**2).sum()
 
 
+def test_third_differences_leave_an_even_bend_and_second_ones_straighten_it():
+    bent = 1e-3 * (np.arange(200) - 100.0) ** 2  # px, 10 of them off its chord
+    before, after = straightened(bent)
+    assert np.abs(after - before).max() < 0.3
+    before, after = straightened(bent, strength=1e5, weights=bsplines.SECOND)
+    assert np.abs(np.diff(after[:-20], 2)).max() < 0.05 * np.diff(before, 2)[0]
+
+
 def test_smoothness_prior_holds_a_line_from_its_first_node_on():
     curled = 0.02 * np.maximum(12.0 - np.arange(200), 0.0) ** 2  # as at a fur's edge
     before, after = straightened(curled)
