@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.forces.arc_length_offset import trace_ends
+from pipeline.kinematics import StationStore
 from pipeline.kinematics.tip import Tip, tip_beyond
 from pipeline.run import find_whiskers, follow, look_at, without_whiskers
 from pipeline.runtime import Clock
@@ -29,25 +30,29 @@ VIDEOS, FRAMES = 4, 250
 TIP_POINTS = 10  # of the true line, that have the direction of its tip
 
 
-def kinematics_of(path, settings):
-    """The whiskers of a video as `run` has them before forces, and the traced lines."""
+def kinematics_of(path, settings, store: StationStore):
+    """The whiskers of a video as `run` has them before forces, and the traced lines.
+
+    store : takes their places
+    """
     chunks = []
     with open_video(path) as video:
         seen = without_whiskers(find_whiskers(*look_at(video, settings), settings), settings)
-        found = follow(seen, settings, Clock(), chunks.append)
+        found = follow(seen, settings, Clock(), store, chunks.append)
     return found, measuring.join_chunks(chunks)
 
 
 def tips_of(video: measuring.RenderedVideo) -> list[dict]:
     """A row per whisker of a rendered video whose tip is seen."""
     settings, rows = video.settings, []
-    found, lines = kinematics_of(video.path, settings)
     truth = read_centrelines(video.folder / "centrelines.parquet")
-    for name in found.places.names:
-        places, whisker = found.places.of(name), found.whisker_set.whiskers[name]
+    with StationStore() as store:
+        found, lines = kinematics_of(video.path, settings, store)
+        places_of = {name: found.places.of(name) for name in found.places.names}
+    for name, places in places_of.items():
         end, _ = trace_ends(places, settings.advanced.forces)
         places = places.rows(np.isfinite(end))
-        tip = tip_beyond(places, whisker) if len(places) else None
+        tip = tip_beyond(places, found.whisker_set.whiskers[name]) if len(places) else None
         if tip is not None:
             beyond = beyond_ends_px(lines, truth, name, places.frame)
             rows.append({"video": video.path.stem, "whisker": name, **row_of(tip, places, beyond)})
