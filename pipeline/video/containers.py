@@ -25,6 +25,7 @@ FEWEST_SAMPLES = 24  # but a background takes so many
 FRAMES_AHEAD = 16  # lent at once: taking turns, decoder and caller spoil each other's cache
 FEWEST_KEYS = 4  # fewer key frames may miss when things move
 TIED_CODECS = ("ffv1",)  # a frame is decoded with what the decoder learnt from the one before
+HEADER_MEMORY = 2**26  # bytes: more than a sound header needs at once
 HELD_BACK = 16  # frames: as many come out of a decoder at most between a packet and its own frame
 
 
@@ -60,7 +61,7 @@ class ContainerVideo(Video):
 
     @contextlib.contextmanager
     def _open(self, path):
-        with av.open(str(path), metadata_errors="replace") as container:
+        with _opened(path) as container:
             if not container.streams.video:
                 raise VideoError(path, "holds no video stream: expected one; name a video file")
             stream = container.streams.video[0]
@@ -392,6 +393,29 @@ def _with_log(frames, log):
     """Yield (frame, what the decoder logged before it came)."""
     for frame in frames:
         yield frame, log.new()
+
+
+def _opened(path):
+    """Open a container; VideoError where its header asks for memory that no sound one needs."""
+    try:
+        return av.open(str(path), metadata_errors="replace")
+    except av.error.MemoryError as error:
+        if not _can_get(HEADER_MEMORY):
+            raise
+        raise VideoError(
+            path,
+            "cannot be read as a video: its header asks for more memory than can be; it is "
+            "damaged: copy it again from the recording computer",
+        ) from error
+
+
+def _can_get(size) -> bool:
+    """Whether the system gives this process so many bytes of memory."""
+    try:
+        np.empty(size, np.uint8)
+    except MemoryError:
+        return False
+    return True
 
 
 def _ahead(frames, count):

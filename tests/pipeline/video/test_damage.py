@@ -529,6 +529,21 @@ def test_a_decoder_without_memory_does_not_make_a_video_damaged(tmp_path, monkey
         open_video(path)
 
 
+@pytest.mark.parametrize("is_short", [False, True])
+def test_a_header_that_counts_too_much_is_damage_unless_memory_is_short(
+    tmp_path, monkeypatch, is_short
+):
+    """A time-to-sample table of 2**28 - 1 entries is more than FFmpeg lets a program allocate."""
+    path = write(tmp_path / "a.mp4", "libx264", "yuv420p")
+    data = path.read_bytes()
+    count = data.index(b"stts") + 8
+    path.write_bytes(data[:count] + b"\x0f\xff\xff\xff" + data[count + 4 :])
+    if is_short:
+        monkeypatch.setattr("pipeline.video.containers._can_get", lambda size: False)
+    with pytest.raises(MemoryError if is_short else VideoError, match="[Mm]emory"):
+        open_video(path)
+
+
 def test_another_failure_is_damage_and_says_what_the_decoder_said():
     error = av.error.FFmpegError(errno.EINVAL, "is broken")
     check_memory(error)
