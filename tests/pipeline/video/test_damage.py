@@ -540,7 +540,7 @@ def test_a_header_that_counts_too_much_is_damage_unless_memory_is_short(
     path.write_bytes(data[:count] + b"\x0f\xff\xff\xff" + data[count + 4 :])
     if is_short:
         monkeypatch.setattr("pipeline.video.containers._can_get", lambda size: False)
-    with pytest.raises(MemoryError if is_short else VideoError, match="[Mm]emory"):
+    with pytest.raises(MemoryError if is_short else VideoError, match=r"[Mm]emory"):
         open_video(path)
 
 
