@@ -19,10 +19,14 @@ def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("fig3")
     page = out / "page.md"
     page.write_text("above\n<!-- fig3: begin -->\n<!-- fig3: end -->\nbelow\n")
-    status = fig3.main(
-        ["--out", str(out), "--trials", "1", "--seed", SEED, "--jobs", "1", "--write", str(page)]
-    )
-    return out, status, page, fig3.make(out / "trials_0001", 1, int(SEED), 1)
+    sizes, make = [], fig3.make
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fig3, "make", lambda *given: sizes.append(make(*given)) or sizes[-1])
+        status = fig3.main(
+            ["--out", str(out), "--trials", "1", "--seed", SEED, "--jobs", "1", "--write", str(page)]
+        )
+    (size,) = sizes
+    return out, status, page, size
 
 
 def test_a_handful_of_contacts_is_recovered(made):

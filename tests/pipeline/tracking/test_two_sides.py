@@ -144,7 +144,7 @@ def test_whiskers_without_names_are_counted_on_each_side():
     assert two_sides.counted_names([], "top", OPTIONS) == ()
 
 
-FRAMES = 24
+FRAMES = 12
 
 
 @pytest.fixture(scope="module")
