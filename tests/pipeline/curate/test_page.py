@@ -32,17 +32,10 @@ from pipeline.tables.result_exchange import draft, is_settled
 pytestmark = pytest.mark.e2e
 
 
-@pytest.fixture(scope="module")
-def port():
-    """One port for all pages: where it changes, the browser compiles their scripts anew."""
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        return free.getsockname()[1]
-
-
 @pytest.fixture
-def served(results, port):
+def served(results):
     """A running page: (its server, the results folder)."""
-    server = curate(results, port, open_browser=False, block=False, say=lambda line: None)
+    server = curate(results, open_browser=False, block=False, say=lambda line: None)
     yield server, results
     server.stop()
 
