@@ -39,11 +39,13 @@ def brute_force(start, direction, curvature, length, radii, blur):
     """Nearest of 20000 points of the curve for every sub-pixel; the strip's ends are flat."""
     s, x, y, _ = curve(start, direction, curvature, length, 20000)
     row, column = np.mgrid[: SIZE[0] * FINE, : SIZE[1] * FINE]
-    places = np.column_stack([column.ravel(), row.ravel()]) + 0.5
-    reach = max(radii) + 1.0
-    distance, nearest = cKDTree(np.column_stack([x, y])).query(
-        places / FINE - 0.5, distance_upper_bound=reach
-    )
+    places = (np.column_stack([column.ravel(), row.ravel()]) + 0.5) / FINE - 0.5
+    reach, tree = max(radii) + 1.0, cKDTree(np.column_stack([x, y]))
+    centres = np.argwhere(np.ones(SIZE))[:, ::-1]
+    near = np.isfinite(tree.query(centres, distance_upper_bound=reach + 1.0)[0]).reshape(SIZE)
+    near = near.repeat(FINE, axis=0).repeat(FINE, axis=1).ravel()  # elsewhere no sub-pixel is
+    distance, nearest = np.full(len(places), np.inf), np.full(len(places), len(s))
+    distance[near], nearest[near] = tree.query(places[near], distance_upper_bound=reach)
     radius = np.interp(s, [0, length], radii)[np.minimum(nearest, len(s) - 1)]
     distance[(nearest == 0) | (nearest >= len(s) - 1)] = np.inf
     # an edge sub-pixel counts by the part of it that lies inside
