@@ -18,6 +18,8 @@ from pipeline.tracking.whiskers import find_whisker_set
 
 SCALE, FRAMES = 20.0, 24  # px/mm
 FACE_PX, LIGHT = 40, 200.0  # grey
+ROWS, COLUMNS = np.mgrid[:240, :400].astype(float)
+SHADOW_PX = 12  # on each side of a line; beyond, rounding alone is left of it
 RECORDING = {"frames_per_second": 1000.0, "pixels_per_mm": SCALE, "face": "left"}
 
 
@@ -28,12 +30,15 @@ def picture(angle, near, far, length, seed):
     near, far : absorbance summed across it at the face and at its end [px]
     length : [px]
     """
-    y, x = np.mgrid[:240, :400].astype(float)
+    across = (ROWS - 120) * np.cos(angle) - (COLUMNS - 10) * np.sin(angle)
+    beside = np.abs(across) < SHADOW_PX
+    x, y, across = COLUMNS[beside], ROWS[beside], across[beside]
     along = (x - 10) * np.cos(angle) + (y - 120) * np.sin(angle)
-    across = (y - 120) * np.cos(angle) - (x - 10) * np.sin(angle)
     thickness = (near + (far - near) * along / length) * (along < length)
     dark = thickness / (1.2 * np.sqrt(2 * np.pi)) * np.exp(-(across**2) / (2 * 1.2**2))
-    image = np.where(x < FACE_PX, 10.0, LIGHT * np.exp(-dark))
+    image = np.full(ROWS.shape, LIGHT)
+    image[beside] = LIGHT * np.exp(-dark)
+    image[:, :FACE_PX] = 10.0
     image += np.random.default_rng(seed).normal(0, 2, image.shape)
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
