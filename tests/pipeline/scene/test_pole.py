@@ -17,12 +17,16 @@ FINE = 8  # sub-pixels per pixel in the reference renders
 
 def disc(shape, x, y, radius, blur):
     """Share of the light behind a blurred disc, by brute force on a fine grid; 0 is dark."""
-    fine_shape = shape[0] * FINE, shape[1] * FINE
-    rows, columns = np.ogrid[: fine_shape[0], : fine_shape[1]]
+    light, reach = np.ones(shape, np.float32), radius + 5 * blur + 2  # beyond, all is light
+    top, left = max(int(y - reach), 0), max(int(x - reach), 0)
+    bottom, right = min(int(y + reach) + 2, shape[0]), min(int(x + reach) + 2, shape[1])
+    rows, columns = np.ogrid[top * FINE : bottom * FINE, left * FINE : right * FINE]
     px, py = (columns + 0.5) / FINE - 0.5, (rows + 0.5) / FINE - 0.5
     clear = (np.hypot(px - x, py - y) > radius).astype(np.float32)
     clear = cv2.GaussianBlur(clear, (0, 0), blur * FINE)
-    return cv2.resize(clear, shape[::-1], interpolation=cv2.INTER_AREA)
+    near = light[top:bottom, left:right]
+    near[:] = cv2.resize(clear, near.shape[::-1], interpolation=cv2.INTER_AREA)
+    return light
 
 
 def rod(shape, x, y, direction, half_width, blur):
