@@ -76,8 +76,10 @@ def brute_force(scene, lines, discs, window):
     light = np.ones(shape)
     for x, y, radius, opacity in lines:
         tree = cKDTree(np.column_stack([x, y]))
-        distance, nearest = tree.query(np.column_stack([px.ravel(), py.ravel()]))
-        inside = np.clip((radius[nearest] - distance) * FINE + 0.5, 0, 1)
+        places, reach = np.column_stack([px.ravel(), py.ravel()]), radius.max() + 1
+        distance, nearest = tree.query(places, distance_upper_bound=reach)  # inf farther away
+        wide = radius[np.minimum(nearest, len(radius) - 1)]
+        inside = np.clip((wide - distance) * FINE + 0.5, 0, 1)
         light *= 1 - opacity * inside.reshape(shape)
     for x, y, radius in discs:
         inside = np.clip((radius - np.hypot(px - x, py - y)) * FINE + 0.5, 0, 1)
