@@ -23,7 +23,18 @@ def made(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fig3, "make", lambda *given: sizes.append(make(*given)) or sizes[-1])
         status = fig3.main(
-            ["--out", str(out), "--trials", "1", "--seed", SEED, "--jobs", "1", "--write", str(page)]
+            [
+                "--out",
+                str(out),
+                "--trials",
+                "1",
+                "--seed",
+                SEED,
+                "--jobs",
+                "1",
+                "--write",
+                str(page),
+            ]
         )
     (size,) = sizes
     return out, status, page, size
