@@ -15,7 +15,7 @@ from pipeline.errors import InputError, VideoError, counted, need_folder, why
 from pipeline.numerics.runs import spread
 from pipeline.run import Seen, find_whiskers
 from pipeline.scene.dust import is_passed_over
-from pipeline.scene.epochs import without_pole
+from pipeline.scene.epochs import numbers_at, typical_epoch, without_pole
 from pipeline.scene.estimate import OTHER_SIZES, find_scenes, still_states, survey
 from pipeline.scene.pole_search import DUST, SURE
 from pipeline.scene.preparation import prepare_video
@@ -201,8 +201,7 @@ def _look_with(settings, path, opened: ExitStack) -> Look:
     """What these settings find in one video, which stays open as long as `opened`."""
     video, settings = opened.enter_context(open_video(path)), settings.without_bare_whiskers()
     seen = find_whiskers(*run.look_at(video, settings), settings)
-    scenes = [epoch.scene for epoch in seen.epochs if epoch.scene]
-    scene = next((each for each in scenes if each.pole), scenes[0])
+    scene = typical_epoch(seen.epochs, video.n_frames).scene
     scale = settings.recording.pixels_per_mm
     return Look(Path(path), scene, scale, seen.whisker_set.found, seen=seen)
 
@@ -247,15 +246,9 @@ def _scene_and_scale(look):
 
 def _typical_frames(video, seen, epochs):
     """The scene that holds longest, if possible one with a pole, and frames `seen` of it."""
-    held = defaultdict(int)
-    for epoch in epochs:
-        end = epoch.stop or max(video.n_frames or 0, epoch.start + 1)
-        held[id(epoch.scene)] += end - epoch.start
-    scenes = (epoch.scene for epoch in epochs if epoch.scene)
-    scene = max(scenes, key=lambda each: (each.pole is not None, held[id(each)]))
+    scene = typical_epoch(epochs, video.n_frames).scene
     indices, frames = seen.sample(TEMPLATE_FRAMES)
-    own = [(e.start, e.stop or np.inf) for e in epochs if e.scene is scene]
-    inside = [any(start <= i < stop for start, stop in own) for i in indices]
+    inside = [epochs[k].scene is scene for k in numbers_at(indices, epochs)]
     return scene, frames[inside] if any(inside) else frames
 
 
@@ -327,11 +320,8 @@ def _snout(looks) -> str | None:
 
 
 def _pole_note(looks) -> str:
-    return f"here: {', '.join(f'{_place(look)} in {name}' for name, look in looks.items())}"
-
-
-def _place(look) -> str:
-    return "none" if look.pole is None else f"({look.pole[0]:.0f}, {look.pole[1]:.0f})"
+    seen = [f"{pole_in_words(look.scene.pole)} in {name}" for name, look in looks.items()]
+    return f"here: {', '.join(seen)}"
 
 
 def _seen_in_words(looks, count, shown, preview):

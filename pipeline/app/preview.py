@@ -16,7 +16,7 @@ from pipeline.reports.lettering import line_height, put_text
 from pipeline.reports.overlay import write_png
 from pipeline.reports.whisker_styles import DARKEST, pieces, whisker_styles
 from pipeline.run import Seen, find_whiskers, look_at, trace
-from pipeline.scene.epochs import numbers_at
+from pipeline.scene.epochs import numbers_at, typical_epoch
 from pipeline.scene.picture_part import part_of
 from pipeline.session.schema import Settings
 from pipeline.tables.known_names import KNOWN, in_short, nameless
@@ -142,20 +142,14 @@ def _known_and_all(lines):
 
 
 def _stretch(seen):
-    """The epoch that holds longest, if possible one with a pole: frames in its middle; its scene.
-
-    Of the frames, the first and how many.
-    """
-    indices, epochs = seen.frames, seen.epochs
-    owner = numbers_at(indices, epochs)
-    still = (k for k, epoch in enumerate(epochs) if epoch.scene)
-    k = max(still, key=lambda k: (epochs[k].scene.pole is not None, np.sum(owner == k)))
-    first, stop, own = epochs[k].start, epochs[k].stop, indices[owner == k]
-    start = int(own[len(own) // 2]) if len(own) else first
-    if stop is None:
-        return start, STRETCH, epochs[k].scene
-    start = max(min(start, stop - STRETCH), first)
-    return start, min(STRETCH, stop - start), epochs[k].scene
+    """Frames in the middle of the video's typical epoch, the first and how many; its scene."""
+    epoch = typical_epoch(seen.epochs, seen.video.n_frames)
+    own = seen.frames[[seen.epochs[k] is epoch for k in numbers_at(seen.frames, seen.epochs)]]
+    start = int(own[len(own) // 2]) if len(own) else epoch.start
+    if epoch.stop is None:
+        return start, STRETCH, epoch.scene
+    start = max(min(start, epoch.stop - STRETCH), epoch.start)
+    return start, min(STRETCH, epoch.stop - start), epoch.scene
 
 
 def _lines_by_frame(chunk):

@@ -1,5 +1,6 @@
 """Epochs: periods in which nothing large moves, with what stands still in each of them."""
 
+from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +37,29 @@ def face_side_of(scene) -> str:
     return next(epoch.scene.face_side for epoch in as_epochs(scene) if epoch.scene)
 
 
+def typical_epoch(epochs, n_frames=None) -> Epoch:
+    """The longest epoch of the scene that holds longest, if possible of one with a pole.
+
+    `n_frames` of the video, where they are known: else the last epoch counts as one frame.
+    """
+    still = [(epoch, _lasts(epoch, n_frames)) for epoch in epochs if epoch.scene]
+    held = Counter()
+    for epoch, lasts in still:
+        held[id(epoch.scene)] += lasts
+
+    def rank(item):
+        epoch, lasts = item
+        return epoch.scene.pole is not None, held[id(epoch.scene)], lasts
+
+    return max(still, key=rank)[0]
+
+
+def _lasts(epoch, n_frames) -> int:
+    """Frames of an epoch, one at least."""
+    stop = n_frames if epoch.stop is None else epoch.stop
+    return max((stop or 0) - epoch.start, 1)
+
+
 def without_pole(scene: StaticScene) -> StaticScene:
     """The scene with its disc refused as a pole: no whisker is there to touch it."""
     if scene.pole is None:
@@ -46,7 +70,8 @@ def without_pole(scene: StaticScene) -> StaticScene:
 
 def without_poles(epochs):
     """The epochs with their discs refused as poles, as in `without_pole`."""
-    return [replace(e, scene=without_pole(e.scene)) if e.scene else e for e in epochs]
+    bare = {id(e.scene): without_pole(e.scene) for e in epochs if e.scene}
+    return [replace(e, scene=bare[id(e.scene)]) if e.scene else e for e in epochs]
 
 
 def pole_track(epochs) -> PoleTrack | None:

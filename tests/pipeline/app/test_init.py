@@ -131,7 +131,7 @@ def test_videos_of_one_name_are_told_apart():
     assert called_apart(paths) == ["a/trial.avi", "b/trial.avi"]
     assert called_apart(paths[:1]) == ["trial.avi"]
     looks = {name: Look(Path(name), scene(DISC), 25.0, ("w1",)) for name in called_apart(paths)}
-    assert "in a/trial.avi, (" in findings(looks)[1]["pole.x_px"]
+    assert "in a/trial.avi, a pole at (" in findings(looks)[1]["pole.x_px"]
 
 
 def test_videos_that_one_session_cannot_hold_for_are_named():
@@ -166,7 +166,9 @@ def test_the_poles_place_is_written_where_no_other_trial_can_have_another():
     assert (document["pole"]["x_px"], document["pole"]["y_px"]) == (200.0, 90.0)
     document, notes = findings(looks, all_videos=False)
     assert "x_px" not in document["pole"]
-    assert notes["pole.x_px"] == "here: (200, 90) in a.avi, (200, 90) in b.avi"
+    assert notes["pole.x_px"] == (
+        "here: a pole at (200, 90) in a.avi, a pole at (200, 90) in b.avi"
+    )
 
 
 def looked_at(tmp_path, monkeypatch, showing):
