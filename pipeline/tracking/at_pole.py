@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from pipeline.numerics.polyline import nearest_node
 from pipeline.session.quantities import pixels_in
 
 NEAR_MM = 0.5  # from the pole's surface: a whisker so near is about to touch it
@@ -23,6 +24,10 @@ def nearness(lines, poles, n_frames, pixels_per_m) -> float:
 
 
 def _away_px(line, pole) -> float:
-    """From the pole's surface to the nearest point of a line [px], not less than 0."""
-    x, y = line.points.T
-    return max(np.hypot(x - pole.x_px[0], y - pole.y_px[0]).min() - pole.radius_px, 0.0)
+    """From the pole's surface to the nearest node of a line [px], not less than 0.
+
+    Nodes are 1 px apart: between them a line comes nearer by 0.02 px, at a pole of 6 px radius.
+    """
+    n = line.n
+    _, away = nearest_node(line.x[:n], line.y[:n], pole.x_px[0], pole.y_px[0])
+    return max(away - pole.radius_px, 0.0)

@@ -57,10 +57,10 @@ def test_without_a_pole_it_is_the_one_that_is_seen_best():
     assert {whisker_under(motion, frame, xy) for frame, xy in lines} == {"C1"}  # the longest
 
 
-def line_at(gap_px):
-    """A line that passes the pole so far from its surface."""
-    x = np.arange(0.0, 101.0)
-    return SimpleNamespace(points=np.column_stack([x, np.full_like(x, 40 + 6 + gap_px)]))
+def line_at(gap_px, first=0.0):
+    """A line that passes the pole so far from its surface, with a node at x = `first` [px]."""
+    x = np.arange(first, first + 101.0)
+    return SimpleNamespace(x=x, y=np.full_like(x, 40 + 6 + gap_px), n=len(x))
 
 
 def test_nearness_is_the_share_of_frames_in_which_it_lies_at_the_pole():
@@ -71,3 +71,12 @@ def test_nearness_is_the_share_of_frames_in_which_it_lies_at_the_pole():
     assert nearness([near], [None], 1, scale) == NEVER
     beside = line_at(NEAR_MM * 25)
     assert nearness([beside], [POLE], 1, scale) == pytest.approx(NEVER + np.exp(-1))
+
+
+def test_nearness_hardly_depends_on_where_the_nodes_are():
+    """Distances to the nodes are nearly those to the line."""
+    lost_px = 0.02 + 1e-3
+    at_node, between = (
+        nearness([line_at(1.0, first)], [POLE], 1, 25e3) - NEVER for first in (0, 0.5)
+    )
+    assert 0 <= NEAR_MM * 25 * np.log(at_node / between) < lost_px
