@@ -15,6 +15,7 @@ from pipeline.session.plausibility import MOST_NAMED, doubtful_values
 from pipeline.session.schema import DIMENSIONS, SIDES, UPRIGHT
 from pipeline.tables.columns import split_flags
 from pipeline.tables.known_names import KNOWN, in_short, nameless_in
+from pipeline.tables.video_messages import NO_POLE
 from pipeline.tracking.given_lengths import posterior_first
 from pipeline.tracking.snout import snout_of
 from pipeline.video.changed import Negative
@@ -203,7 +204,7 @@ def _no_pole(settings, seen) -> str:
     size = settings.pole.diameter_mm * settings.recording.pixels_per_mm
     scenes, shade = _scenes(seen), "bright" if isinstance(seen.video, Negative) else "dark"
     there = f"what was seen is {seen_instead_of_pole(scenes, shade)}; " if scenes else ""
-    missing = f"no pole of {settings.pole.diameter_mm:g} mm ({size:.0f} px) found"
+    missing = f"{NO_POLE}{settings.pole.diameter_mm:g} mm ({size:.0f} px) found"
     if seen.other_pole is not None:
         other = _of_another_size("what may be one", settings, seen.other_pole)
         return f"{missing}, so no contacts; {other}"
@@ -262,18 +263,25 @@ def _unnamed_whiskers(settings, followed):
     follow = ", ".join(wanted[:MOST_NAMED] + ["…"] * (len(wanted) > MOST_NAMED))
     tables = (
         f"only {len(names)} have a [[whisker]] table: which ones are {names[0]} to {names[-1]} "
-        "is a guess"
+        "is a guess and may be wrong"
     )
     if len(names) == 1:
         tables = (
-            f"only one has a [[whisker]] table: which one is {names[0]} is a guess, from how near "
-            "each comes to the pole and how well it is seen,"
+            f"only one has a [[whisker]] table: which one is {names[0]} is a guess, from "
+            f"{_chosen_by(followed.pole)}"
         )
     yield (
-        f"about {seen} whiskers are seen at a time, but {tables} and may be wrong; "
+        f"about {seen} whiskers are seen at a time, but {tables}; "
         "give every whisker a table, in order along the face (a name is enough), and write "
         f"[analysis] follow = [{follow}] to get only those"
     )
+
+
+def _chosen_by(pole) -> str:
+    """How the only whisker in session.toml is chosen among several, and what comes of it."""
+    if pole is None:
+        return "how well each is seen, and may be wrong, or another one than where a pole is seen"
+    return "how near each comes to the pole and how well it is seen, and may be wrong"
 
 
 def guessed_order(settings, whisker_set, unknown=()):

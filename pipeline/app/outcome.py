@@ -6,7 +6,7 @@ from pipeline import __version__
 from pipeline.curate.corrected import MADE_WITH, corrections_digest
 from pipeline.errors import counted
 from pipeline.tables.run_record import write_state
-from pipeline.tables.video_messages import sentences_of
+from pipeline.tables.video_messages import in_brief, missing_pole, sentences_of
 
 BULLET = "  - "
 
@@ -41,15 +41,23 @@ class Outcome:
     def lines(self, said: set) -> list[str]:
         """The outcome in a line, below it the messages that are not yet `said`; adds them to it.
 
-        So a message that holds for all videos of a run is shown with the first one only.
+        So a message that holds for all videos of a run is shown with the first one only. What to
+        do about a missing pole is not known before all have ended (`missing_poles`).
         """
         if self.status == "failed":
             return [self.line()]
-        return [self._state(), *_new_lines(sentences_of(self.message), said)]
+        return [self._state(), *_new_lines([*map(in_brief, sentences_of(self.message))], said)]
 
     def warning_lines(self, said: set) -> list[str]:
-        """The messages alone, as of `lines`, where the outcome has been shown before."""
-        head, lines = f"warning: {self.video}:", _new_lines(sentences_of(self.message), said)
+        """The messages alone, as of `lines`, where the outcome has been shown before.
+
+        That no pole was found is left out: it is said of all videos together.
+        """
+        pole = missing_pole(self.message)
+        sentences = [each for each in sentences_of(self.message) if each != pole]
+        head, lines = f"warning: {self.video}:", _new_lines(sentences, said)
+        if not lines:
+            return []
         return [f"{head} {lines[0].removeprefix(BULLET)}"] if len(lines) == 1 else [head, *lines]
 
     def _state(self) -> str:

@@ -6,6 +6,7 @@ import sys
 
 import typer
 
+from pipeline.app.missing_poles import missing_pole_lines
 from pipeline.runtime.interrupts import INTERRUPTED
 
 FAILED, UNUSABLE = 1, 2  # exit status
@@ -110,6 +111,8 @@ def _warnings(summary):
             f"no longer there: {', '.join(summary.lost)}; left out of videos.csv and "
             "contacts.csv, but their own results are kept"
         )
+    for line in missing_pole_lines(summary.outcomes):
+        yield f"warning: {line}"
     said = set()
     for each in summary.of("warning"):
         if each.video not in summary.said:

@@ -31,7 +31,7 @@ from pipeline.tables.known_names import nameless_in
 from pipeline.tables.own_files import replace_own
 from pipeline.tables.result_exchange import overlays_in
 from pipeline.tables.run_record import read_run
-from pipeline.tables.video_messages import sentences_of
+from pipeline.tables.video_messages import missing_pole, sentences_of, some_of
 
 PICTURES = 6  # examples of contacts
 STILLS = 12  # of flagged contacts, over all flags
@@ -135,12 +135,23 @@ def _head(results, record, videos, contacts) -> dict:
 
 
 def _doubts(videos) -> dict:
-    """The main doubt of each of some videos, failed ones first, and how many more have one."""
+    """The main doubts of some videos, failed ones first, and how many more have one.
+
+    Videos in which no pole was found, as in no-go trials, are named together.
+    """
     doubtful = videos[videos["message"].fillna("") != ""]
     doubtful = doubtful.sort_values("status", key=lambda status: status != "failed", kind="stable")
-    first = doubtful.iloc[:DOUBTS]
-    doubts = zip(first["video"], map(main_doubt, first["message"]), strict=True)
-    return {"doubts": list(doubts), "more_doubts": len(doubtful) - len(first)}
+    groups = {}
+    for row in doubtful.itertuples():
+        doubt = main_doubt(row.message)
+        key = doubt if missing_pole(doubt) else len(groups)
+        groups.setdefault(key, (doubt, []))[1].append(row.video)
+    first = list(groups.values())[:DOUBTS]
+    shown = sum(len(names) for _, names in first)
+    return {
+        "doubts": [(some_of(names), doubt) for doubt, names in first],
+        "more_doubts": len(doubtful) - shown,
+    }
 
 
 def main_doubt(message: str) -> str:

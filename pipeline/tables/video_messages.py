@@ -1,6 +1,8 @@
 """The messages about a video, as a list and as one cell of videos.csv."""
 
 BETWEEN = " | "
+NO_POLE = "no pole of "  # begins the sentence on a video in which none was found
+NAMED = 5  # videos of many
 
 
 def as_cell(sentences) -> str:
@@ -19,3 +21,31 @@ def sentences_of(message: str) -> list[str]:
     ['no pole', 'no forces: no length_mm; give it']
     """
     return [each for each in message.split(BETWEEN) if each]
+
+
+def missing_pole(message: str) -> str:
+    """The sentence that no pole was found, '' if there is none.
+
+    >>> missing_pole("no pole of 0.5 mm (12 px) found, so no contacts; check it | no forces")
+    'no pole of 0.5 mm (12 px) found, so no contacts; check it'
+    """
+    return next((each for each in sentences_of(message) if each.startswith(NO_POLE)), "")
+
+
+def in_brief(sentence: str) -> str:
+    """A sentence on a missing pole without what was seen in its place; others as they are.
+
+    >>> in_brief("no pole of 0.5 mm (12 px) found, so no contacts; check it")
+    'no pole of 0.5 mm (12 px) found, so no contacts'
+    """
+    return sentence.partition("; ")[0] if sentence.startswith(NO_POLE) else sentence
+
+
+def some_of(names) -> str:
+    """Names of videos with commas between them; of many, the first ones and how many more.
+
+    >>> some_of(["a", "b"]), some_of("abcdefg")
+    ('a, b', 'a, b, c, d, e and 2 more')
+    """
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more

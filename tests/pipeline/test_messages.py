@@ -334,6 +334,15 @@ def test_one_table_for_many_whiskers_is_doubted():
     )
 
 
+def test_without_a_pole_the_one_that_is_named_may_be_another():
+    by_pole, by_sight = (
+        next(message for message in said_of(unnamed=9, **pole) if "[[whisker]]" in message)
+        for pole in ({}, {"pole": None})
+    )
+    assert "how near each comes to the pole and how well it is seen, and may be wrong" in by_pole
+    assert "how well each is seen, and may be wrong, or another one than where a pole" in by_sight
+
+
 def test_arcs_that_run_from_the_other_end_are_not_doubted():
     whiskers = {**WHISKER, "name": "C1"}, {**SHORTER, "name": "C2"}
     found = "C1", "C2"  # posterior to anterior

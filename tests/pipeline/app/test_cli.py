@@ -106,6 +106,53 @@ def test_of_videos_that_were_finished_before_it_is_said_at_the_end(ran, capsys, 
     ]
 
 
+def without_pole(seen):
+    """The message on a missing pole, with what was seen in its place."""
+    return f"no pole of 0.5 mm (12 px) found, so no contacts; what was seen is {seen}; check it"
+
+
+def of_trials(monkeypatch, **seen):
+    """`run` of trials: in each, what was seen in place of a pole, None where one is there."""
+    pole = {"radius_px": 6.0, "runs": []}
+    outcomes = [
+        Outcome(name, "", "warning", 10, 100.0, without_pole(what))
+        if what
+        else Outcome(name, "", "warning", 10, 100.0, "odd", 2, pole=pole)
+        for name, what in seen.items()
+    ]
+    ended = Summary(Path("out"), tuple(outcomes), 0, 1.0)
+    monkeypatch.setattr(batch, "run", lambda *_: ended)
+    return outcomes
+
+
+def test_videos_without_a_pole_are_told_together(ran, capsys, monkeypatch):
+    ran("done")
+    of_trials(monkeypatch, a="a paw", b=None, c="a tuft", d=None)
+    exit_code("run", "x", "--out", "y", "--quiet")
+    assert capsys.readouterr().out.splitlines() == [
+        "warning: 2 of 4 videos show no pole, so no contacts there: a, c; if there is one, see in "
+        "videos.csv what was seen in place of it",
+        "warning: b: odd",
+        "warning: d: 1 message as above",
+    ]
+
+
+def test_where_no_video_shows_a_pole_it_is_said_once_what_to_do(ran, capsys, monkeypatch):
+    ran("done")
+    of_trials(monkeypatch, a="a paw", b="a tuft", c="a bar")
+    exit_code("run", "x", "--out", "y", "--quiet")
+    assert capsys.readouterr().out.splitlines() == [
+        f"warning: a: {without_pole('a paw')} (nor in 2 other videos)"
+    ]
+
+
+def test_as_a_video_ends_a_missing_pole_is_only_named(monkeypatch):
+    said = set()
+    first, second = (each.lines(said) for each in of_trials(monkeypatch, a="a paw", b="a tuft"))
+    assert first[1:] == ["  - no pole of 0.5 mm (12 px) found, so no contacts"]
+    assert second[1:] == ["  - 1 message as above"]
+
+
 def test_quiet_says_only_what_went_wrong(ran, capsys):
     ran("failed", "done", "warning")
     exit_code("run", "x", "--out", "y", "--quiet")

@@ -102,6 +102,25 @@ def test_the_main_doubts_come_first(tmp_path):
     assert "2 more\nvideos have messages" in head
 
 
+def test_videos_without_a_pole_are_named_together_at_the_head(tmp_path):
+    results = make_results(tmp_path / "results", ())
+    row = files.read_csv(results / "videos.csv", VIDEO_COLUMNS).iloc[:1]
+    name, seen = row["video"].iloc[0], ("a paw", "a tuft")
+    missing = [
+        row.assign(message=f"no pole of 0.5 mm found, so no contacts; {each}") for each in seen
+    ]
+    other = row.assign(message="names are in doubt")
+    files.write_csv(
+        results / "videos.csv", pd.concat([missing[0], other, missing[1]]), VIDEO_COLUMNS
+    )
+    page = page_of(results)
+    head = page[: page.index("<h2")]
+    assert f"<b>{name}, {name}</b>: no pole of 0.5 mm found, so no contacts." in head
+    assert "names are in doubt." in head
+    assert "more\nvideo" not in head
+    assert all(each in page for each in seen)  # in the table of videos
+
+
 def test_decisions_are_counted_at_the_head(tmp_path, page):
     results = make_results(tmp_path / "r")
     row = {"video": "one", "whisker": "C2", "decision": "no contact"}
