@@ -35,6 +35,7 @@ from pipeline.scene import (
     pole_of_another_size,
     pole_track,
     prepare_video,
+    still_states,
     survey,
     without_poles,
     working_scale,
@@ -205,7 +206,8 @@ def look_at(video, settings, prepared=None):
     recording, pole, params = settings.recording.si(), settings.pole, settings.advanced
     prepared = prepared or prepare_video(video, settings.image)
     seen, video = survey(prepared, recording, params.scene), prepared.video
-    epochs = find_scenes(video, recording, pole.diameter, pole.position_px, seen, params)
+    still = still_states(seen, recording, params)
+    epochs = find_scenes(video, recording, pole.diameter, pole.position_px, still, params)
     return video, seen, epochs
 
 

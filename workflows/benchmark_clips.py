@@ -141,7 +141,9 @@ def trace(clip: Clip, path=None):
         diameter = settings.pole.diameter if clip.trial.scene.pole else None
         look = prepare_video(video)
         seen = estimate.survey(look, recording)
-        epochs = estimate.find_scenes(video, recording, diameter, seen=seen)
+        epochs = estimate.find_scenes(
+            video, recording, diameter, still=estimate.still_states(seen, recording)
+        )
         whisker_set = find_whisker_set(*seen.sample(template_frames(settings)), epochs, settings)
         scale, params = recording.pixels_per_mm, settings.advanced.tracking
         epochs = behind_whiskers(epochs, whisker_set.templates, scale, params)

@@ -22,7 +22,6 @@ from pipeline.scene.preparation import prepare_video
 from pipeline.scene.scale import FIELD_MM, scale_of, working_scale
 from pipeline.session.input_settings import PREVIEW_NAME, SETTINGS_NAME, check_settings_name
 from pipeline.session.inputs import find_inputs
-from pipeline.session.parameters import DEFAULTS
 from pipeline.session.recording import Recording
 from pipeline.session.session_file import read_session, session_text, settings_from
 from pipeline.tables import whole_files
@@ -228,12 +227,10 @@ def _scene_and_scale(look):
         recording = Recording(FRAMES_PER_SECOND, usual * factor, None)
         scale = working_scale(look.video.shape, recording.pixels_per_mm)
         if scale not in known:
-            seen = survey(look, recording)
-            known[scale] = seen, still_states(seen, recording, DEFAULTS)
-        seen, still = known[scale]
-        pole = 1e-3 * POLE_DIAMETER_MM
-        epochs = find_scenes(look.video, recording, pole, seen=seen, still=still)
-        scene, frames = _typical_frames(look.video, seen, epochs)
+            known[scale] = still_states(survey(look, recording), recording)
+        still, pole = known[scale], 1e-3 * POLE_DIAMETER_MM
+        epochs = find_scenes(look.video, recording, pole, still=still)
+        scene, frames = _typical_frames(look.video, still.survey, epochs)
         first = first or (replace(scene, pole=None), usual)
         if scene.pole is None or (scene.pole_likeness < DUST and _is_passed_over(scene, frames)):
             continue

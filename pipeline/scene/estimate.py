@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cached_property, partial
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -51,9 +52,8 @@ def find_scenes(
     recording: Recording,
     pole_diameter_m=0.5e-3,
     pole_xy=None,
-    seen: Survey | None = None,
+    still: "StillStates | None" = None,
     params: Parameters = DEFAULTS,
-    still=None,
 ) -> tuple[Epoch, ...]:
     """Find what does not move in a video, in each period between movements of large things.
 
@@ -63,9 +63,8 @@ def find_scenes(
     recording : frame rate, scale, side of the face (None: find it)
     pole_diameter_m : [m]; None: there is no pole
     pole_xy : (x, y) [px] of the pole where session.toml gives it
-    seen : the video's `survey`; made where it is not given
+    still : `still_states` of the video's `survey`; found where it is not given
     params : the parameters of all rooms
-    still : `still_states` of the survey, where several poles are looked for; found if not given
 
     Returns
     -------
@@ -78,27 +77,32 @@ def find_scenes(
         If `pole_xy` is outside of the picture.
     """
     _check_place(video, pole_xy)
-    seen = seen or survey(prepare_video(video), recording, params.scene)
-    states, parts = still or still_states(seen, recording, params)
+    if still is None:
+        seen = survey(prepare_video(video), recording, params.scene)
+        still = still_states(seen, recording, params)
+    seen = still.survey
     radius = pole_diameter_m and 0.5e3 * pole_diameter_m * recording.pixels_per_mm
     place = seen.part.place(pole_xy) if seen.part and pole_xy else pole_xy
     n_frames = video.n_frames or 1
-    found = [each.scene(radius, place, n_frames) for each in parts]
+    found = [each.scene(radius, place, n_frames) for each in still.scenes]
     scenes = found if seen.part is None else [seen.part.whole(each) for each in found]
     settled = round(params.scene.settled_s * recording.frames_per_second)
-    parts = periods(video, seen, states, [_pole_check(scene) for scene in scenes], settled)
+    in_place = [_pole_check(scene) for scene in scenes]
+    parts = periods(video, seen, still.states, in_place, settled)
     return tuple(
         Epoch(part.start, part.stop, None if part.state is None else scenes[part.state])
         for part in parts
     )
 
 
-def still_states(seen: Survey, recording: Recording, params: Parameters):
-    """Of each of a survey's samples its state, int (k,); what stands still in each state."""
+def still_states(
+    seen: Survey, recording: Recording, params: Parameters = DEFAULTS
+) -> "StillStates":
+    """What stands still in each state of a video, of its `survey`, whatever pole is there."""
     states, frames = seen.settled()
     scale = working_scale(frames[0].shape[1:], recording.pixels_per_mm)
     cut = frames if seen.part is None else [seen.part.cut(some) for some in frames]
-    return states, [StillState(some, recording.face, scale, params) for some in cut]
+    return StillStates(seen, states, [StillState(f, recording.face, scale, params) for f in cut])
 
 
 def _check_place(video, pole_xy):
@@ -119,6 +123,14 @@ def _pole_check(scene):
         return lambda frame: True
     place = scene.pole.x_px[0], scene.pole.y_px[0], scene.pole.radius_px
     return PoleCheck(*place, scene.background).in_place
+
+
+class StillStates(NamedTuple):
+    """A video's survey, the state of each of its samples, int (k,), and what is still in each."""
+
+    survey: Survey
+    states: np.ndarray
+    scenes: list["StillState"]
 
 
 class StillState:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from turning_whiskers import SCALE, grey, turning_whiskers
 
-from pipeline.scene.estimate import find_scenes, survey
+from pipeline.scene.estimate import find_scenes, still_states, survey
 from pipeline.scene.preparation import prepare_video
 from pipeline.session.recording import Recording
 from pipeline.video.arrays import ArrayVideo
@@ -43,7 +43,7 @@ def test_a_short_video_is_read_once_for_all_that_stands_still():
     start = video.read.copy()  # the first frame's size
     recording = Recording(1000.0, SCALE, "left")
     look = prepare_video(video)
-    find_scenes(look.video, recording, seen=survey(look, recording))
+    find_scenes(look.video, recording, still=still_states(survey(look, recording), recording))
     assert (video.read - start).max() == 1
 
 
