@@ -24,6 +24,7 @@ from pipeline.reports.stills import contact_stills, video_stills, with_peaks
 from pipeline.reports.time_courses import Courses, read_courses, time_courses
 from pipeline.reports.trials import OnsetAverage, raster
 from pipeline.reports.vibration_map import vibration
+from pipeline.reports.whisker_styles import whisker_styles
 from pipeline.session.session_file import read_session
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_FLAGS, VIDEO_COLUMNS, split_flags
@@ -65,14 +66,14 @@ def write_report(results, damaged=None) -> list[str]:
     videos = _as_failed(files.read_csv(results / "videos.csv", VIDEO_COLUMNS), damaged)
     truth = read_truth(results)
     whiskers = _whiskers(results, contacts)
-    seen = _look_through(results, videos, contacts)
+    seen, styles = _look_through(results, videos, contacts)
     page = _template("report.html").render(
         **_head(results, record, videos, contacts),
         **_pictures(results, videos, contacts, record),
         **seen,
         numbers=fig3_numbers(contacts, truth).to_dict("records"),
         has_truth=truth is not None,
-        trials=raster(videos.loc[videos["frames"] > 0, "video"], contacts),
+        trials=raster(videos.loc[videos["frames"] > 0, "video"], contacts, styles),
         vibration=vibration(contacts, whiskers),
         budget=session_budget(contacts, whiskers),
         has_contacts=len(contacts) > 0,
@@ -213,12 +214,13 @@ def _whiskers(results, contacts) -> dict:
 # --- video after video --------------------------------------------------------------------
 
 
-def _look_through(results, videos, contacts) -> dict:
+def _look_through(results, videos, contacts) -> tuple[dict, dict]:
     """Read the frames of each video once: its row of the table, time courses, mean force.
 
-    `kept` are sentences on pages of time courses that a person had changed.
+    `kept` are sentences on pages of time courses that a person had changed. Last, the `Style` of
+    each of the session's whiskers, as the time courses have it where all videos show the same.
     """
-    average, stacks, rows, kept = OnsetAverage(), [], [], []
+    average, stacks, rows, kept, names = OnsetAverage(), [], [], [], []
     groups = dict(list(contacts.groupby("video")))
     for row in videos.to_dict("records"):
         own = groups.get(row["video"], contacts.iloc[:0])
@@ -230,14 +232,17 @@ def _look_through(results, videos, contacts) -> dict:
             stack, said = _write_courses(results, row["video"], frames, own)
             stacks += [stack] if len(stacks) < STACKS else []
             kept += said
-    figure = average.draw()
-    return {
+            names += [name for name, _ in stack.whiskers]
+    styles = whisker_styles([*names, *contacts["whisker"]])
+    figure = average.draw(styles)
+    seen = {
         "videos": rows,
         "stacks": stacks,
         "stacked_of": sum(bool(row["courses"]) for row in rows),
         "onset_average": None if figure is None else plot_style.svg(figure),
         "kept": kept,
     }
+    return seen, styles
 
 
 def _video_row(results, row, frames, contacts) -> dict:

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.reports import plot_style
-from pipeline.reports.whisker_styles import style_of
+from pipeline.reports.whisker_styles import whisker_styles
 
 BEFORE_MS, AFTER_MS = 20.0, 80.0  # of the onset, averaged
 STEP_MS = 1.0
@@ -14,17 +14,17 @@ LEGEND_COLUMNS, LINE_IN = 3, 0.19  # of the whiskers' names above it
 MOST_WHISKERS = 6  # whose mean forces are drawn
 
 
-def raster(videos, contacts: pd.DataFrame) -> dict | None:
+def raster(videos, contacts: pd.DataFrame, styles=None) -> dict | None:
     """Raster of each processed video's contacts, from its first one on; None without any.
 
-    `videos` are names, in the order of the trials.
+    `videos` are names, in the order of the trials; `styles` as for `draw_raster`.
     """
     videos = list(videos)
     if len(videos) < 2 or contacts.empty:
         return None
     counts = contacts["video"].value_counts().reindex(videos, fill_value=0).to_numpy()
     return {
-        "plot": plot_style.svg(draw_raster(videos, contacts)),
+        "plot": plot_style.svg(draw_raster(videos, contacts, styles)),
         "mean": counts.mean(),
         "least": int(counts.min()),
         "most": int(counts.max()),
@@ -32,11 +32,15 @@ def raster(videos, contacts: pd.DataFrame) -> dict | None:
     }
 
 
-def draw_raster(videos, contacts):
-    """A bar for every contact, a row for every trial, time from the trial's first contact."""
+def draw_raster(videos, contacts, styles=None):
+    """A bar for every contact, a row for every trial, time from the trial's first contact.
+
+    `styles`: whisker → `Style`, of all whiskers in the session; None: of those that touch.
+    """
     from matplotlib.collections import LineCollection
 
-    names = list(dict.fromkeys(contacts["whisker"]))
+    styles = styles or whisker_styles(contacts["whisker"])
+    names = [name for name in styles if name in set(contacts["whisker"])]
     start = 1e3 * (contacts["onset_s"] - contacts.groupby("video")["onset_s"].transform("min"))
     rows = contacts["video"].map({name: k + 1 for k, name in enumerate(videos)})
     lanes = contacts["whisker"].map({name: k for k, name in enumerate(names)})
@@ -46,7 +50,7 @@ def draw_raster(videos, contacts):
     figure, axis = plot_style.axes(height, top=0.3 if len(names) > 1 else 0.1)
     thick = 0.62 * 72 * (height - 0.8) / len(videos) / len(names)
     axis.add_collection(
-        LineCollection(bars, colors=[style_of(k).colour for k in lanes],
+        LineCollection(bars, colors=[styles[name].colour for name in contacts["whisker"]],
                        linewidths=float(np.clip(thick, 0.4, 7)), capstyle="butt",
                        rasterized=len(contacts) > 3000)
     )  # fmt: skip
@@ -55,18 +59,18 @@ def draw_raster(videos, contacts):
              ylim=(len(videos) + 0.6, 0.4))  # fmt: skip
     axis.yaxis.get_major_locator().set_params(integer=True)
     if len(names) > 1:
-        _name_whiskers(axis, names)
+        _name_whiskers(axis, {name: styles[name] for name in names})
     return figure
 
 
-def _name_whiskers(axis, names):
+def _name_whiskers(axis, styles):
     """The whiskers' names above a plot, in their colours."""
     axis.legend(
         handles=[
-            axis.plot([], [], color=style_of(k).colour, lw=3, label=name)[0]
-            for k, name in enumerate(names)
+            axis.plot([], [], color=style.colour, lw=3, label=name)[0]
+            for name, style in styles.items()
         ],
-        loc="lower right", bbox_to_anchor=(1, 1), ncols=min(len(names), MOST_WHISKERS),
+        loc="lower right", bbox_to_anchor=(1, 1), ncols=min(len(styles), MOST_WHISKERS),
         frameon=False, fontsize=9, handlelength=0.8, columnspacing=1.0, borderaxespad=0.1,
     )  # fmt: skip
 
@@ -90,15 +94,18 @@ class OnsetAverage:
                 course = np.interp(at, time, force, left=np.nan, right=np.nan)
                 self._forces.setdefault(str(name), []).append(course)
 
-    def draw(self):
-        """Mean and standard error over the contacts; None where there are none with a force."""
+    def draw(self, styles=None):
+        """Mean and standard error over the contacts; None where there are none with a force.
+
+        `styles` as for `draw_raster`.
+        """
         if not self._forces:
             return None
-        names = list(self._forces)[:MOST_WHISKERS]
+        styles, names = styles or whisker_styles(self._forces), list(self._forces)[:MOST_WHISKERS]
         lines = -(-len(names) // LEGEND_COLUMNS)
         figure, axis = plot_style.axes(2.7 + LINE_IN * lines, top=0.1 + LINE_IN * lines)
-        for k, name in enumerate(names):
-            self._draw_one(axis, name, style_of(k))
+        for name in names:
+            self._draw_one(axis, name, styles[name])
         axis.axvline(0, color=plot_style.GREY, lw=0.8, ls=":")
         axis.set(xlabel="time from contact onset (ms)", ylabel="force (µN)",
                  xlim=(-BEFORE_MS, AFTER_MS))  # fmt: skip

@@ -13,6 +13,8 @@ from pipeline.contacts.base_moments import add_base_moments
 from pipeline.errors import VideoError
 from pipeline.reports import figures, overlay, report, stills, vibration_map
 from pipeline.reports.session_numbers import read_contacts
+from pipeline.reports.time_courses import read_courses
+from pipeline.reports.whisker_styles import whisker_styles
 from pipeline.session.session_file import settings_from, write_session
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS, DECISION_COLUMNS, VIDEO_COLUMNS, as_table
@@ -119,6 +121,30 @@ def test_videos_without_a_pole_are_named_together_at_the_head(tmp_path):
     assert "names are in doubt." in head
     assert "more\nvideo" not in head
     assert all(each in page for each in seen)  # in the table of videos
+
+
+def test_contacts_of_the_trials_have_the_colours_of_the_time_courses(tmp_path, monkeypatch):
+    results, given = make_results(tmp_path / "results"), {}
+
+    def with_another(*of):
+        frames = read_courses(*of)
+        return pd.concat([frames.assign(whisker=name) for name in ("C1", "C2")])
+
+    def draw(videos, contacts, styles):
+        given.update(styles)
+
+    monkeypatch.setattr(report, "read_courses", with_another)
+    monkeypatch.setattr(report, "raster", draw)
+    page_of(results)
+    assert given == whisker_styles(["C1", "C2"])
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [(CONTACTS[1:], "1 contact in every video."), (CONTACTS, "1.5 contacts a video on average")],
+)
+def test_how_many_contacts_a_video_has(tmp_path, rows, said):
+    assert said in page_of(make_results(tmp_path / "results", rows))
 
 
 def test_decisions_are_counted_at_the_head(tmp_path, page):

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.colors import to_hex
 from results_folder import CONTACTS, make_results
 
 from pipeline.reports import trials
@@ -16,7 +17,7 @@ from pipeline.reports.time_courses import (
     thinned,
     time_courses,
 )
-from pipeline.reports.whisker_styles import style_of
+from pipeline.reports.whisker_styles import style_of, whisker_styles
 from pipeline.tables import files
 from pipeline.tables.columns import CONTACT_COLUMNS
 
@@ -48,6 +49,22 @@ def test_mean_force_is_that_of_the_contacts(tmp_path):
     ]
     assert at[5] == pytest.approx(np.mean(forces))
     assert at[80] == pytest.approx(0)  # of those contacts only whose video goes on so long
+
+
+def test_a_whisker_has_the_colour_of_its_time_courses(tmp_path):
+    results = make_results(tmp_path / "r")
+    frames = pd.concat(
+        [read_courses(results, "one").assign(whisker=name) for name in ("C1", "C2")]
+    )
+    own = table().query("video == 'one'")
+    styles = whisker_styles(name for name, _ in time_courses(frames, own, "one").whiskers)
+    (bars,) = trials.draw_raster(["one", "two"], table(), styles).axes[0].collections
+    colour = styles["C2"].colour
+    assert {to_hex(each) for each in bars.get_colors()} == {colour} != {styles["C1"].colour}
+    average = trials.OnsetAverage()
+    average.add(frames, own)
+    lines = average.draw(styles).axes[0].lines
+    assert [each.get_color() for each in lines if "C2" in str(each.get_label())] == [colour]
 
 
 def test_lines_of_no_known_whisker_are_grey_and_have_no_name(tmp_path):
