@@ -19,7 +19,9 @@ def faults_of(document, errors) -> list[str]:
     document : dict, the parsed file
     errors : list of dict, what pydantic found wrong with it (`ValidationError.errors()`)
     """
-    problems = [_explain(each, document) for each in errors]
+    unknown = [each["loc"] for each in errors if each["type"] in UNKNOWN]
+    written = {_likeliest(location): location[-1] for location in unknown}
+    problems = [_explain(each, document, written.get(each["loc"])) for each in errors]
     return problems + _contradictions(_without([each["loc"] for each in errors], document))
 
 
@@ -53,8 +55,11 @@ def _place(location, document) -> str:
     return " ".join([f"[[whisker]] {index + 1}{name}", *map(str, rest[:1])])
 
 
-def _explain(error, document) -> str:
-    """One of pydantic's errors as a sentence: place, value, what is expected, what to do."""
+def _explain(error, document, written=None) -> str:
+    """One of pydantic's errors as a sentence: place, value, what is expected, what to do.
+
+    `written`: an unknown key that may stand for one that is missing.
+    """
     place, kind, value = _place(error["loc"], document), error["type"], error["input"]
     if kind in UNKNOWN:
         home = _home(error["loc"][-1])
@@ -63,7 +68,8 @@ def _explain(error, document) -> str:
         unknown = "table or key" if len(error["loc"]) == 1 else "key"
         return f"{place}: unknown {unknown}; {_known(error['loc'])}"
     if kind == "missing":
-        return f"{place} is missing; {_wanted(error['loc'])}; add it"
+        remedy = f"rename {written}" if written else "add it"
+        return f"{place} is missing; {_wanted(error['loc'])}; {remedy}"
     if kind == "implausible":
         return f"{place} = {value!r}: {error['ctx']['advice']}"
     if kind in ("literal_error", "string_too_short"):
@@ -106,12 +112,19 @@ def _home(key) -> str:
 
 def _known(location) -> str:
     """What to write in place of an unknown key: the likeliest, or all that there are."""
+    likeliest = _likeliest(location)
+    if likeliest:
+        return f"did you mean {likeliest[-1]}?{_other_width(str(location[-1]), likeliest[-1])}"
+    return f"known here: {', '.join(_keys(location[:-1]))}; correct or remove it"
+
+
+def _likeliest(location):
+    """The location of the key that was meant by an unknown one; None: it is like none."""
     key, keys = str(location[-1]), _keys(location[:-1])
     likely = (key, key.replace("radius", "diameter"))
     close = [match for each in likely for match in difflib.get_close_matches(each, keys, n=1)]
-    if close:
-        return f"did you mean {close[0]}?{_other_width(key, close[0])}"
-    return f"known here: {', '.join(keys)}; correct or remove it"
+    close += [each for each in keys if each.startswith(f"{key}_")]  # its unit was left out
+    return (*location[:-1], close[0]) if close else None
 
 
 def _other_width(given, meant) -> str:

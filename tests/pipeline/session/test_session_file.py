@@ -144,6 +144,7 @@ def test_any_settings_survive_the_way_to_the_file_and_back(fps, scale, length, h
         ),
         (document(pole={"diamter_mm": 1}), ["[pole] diamter_mm", "unknown", "diameter_mm?"]),
         (document(poles={}), ["[poles]", "unknown", "did you mean pole?"]),
+        (document(pole={"x": 3}), ["[pole] x: unknown key; did you mean x_px?"]),
         (
             document(pole={"radius_mm": 0.25}),
             [
@@ -271,6 +272,26 @@ def test_every_mistake_is_named_with_what_to_do(tables, expected):
     assert "1 problem\n" in message
     for part in expected:
         assert part in message
+
+
+@pytest.mark.parametrize(
+    ("tables", "missing"),
+    [
+        (
+            {"recording": {"frames_per_second": 1000, "pixels_per_mm": 25, "Face": "left"}},
+            "[recording] face is missing; expected one of left, right, top, bottom; rename Face\n",
+        ),
+        ({"Recording": LEAST["recording"]}, "; rename Recording\n"),
+        (
+            {"recording": {"frames_per_second": 1000, "scale": 25, "face": "left"}},
+            "pixels_per_mm is missing; expected a number (1 to 1000 pixels/mm); add it\n",
+        ),
+    ],
+)
+def test_what_is_missing_may_be_there_under_another_name(tables, missing):
+    message = problems_of(tables)
+    assert "2 problems\n" in message
+    assert missing in message
 
 
 def test_all_mistakes_are_reported_at_once():
