@@ -19,6 +19,7 @@ from pipeline.tables.video_messages import NO_POLE
 from pipeline.tracking.given_lengths import posterior_first
 from pipeline.tracking.snout import snout_of
 from pipeline.video.changed import Negative
+from pipeline.video.frame_faults import BLACK
 
 SELDOM_TRACKED = 0.8  # a whisker seen in less than this part of the frames is worth a message
 SELDOM_CURVED = 0.5  # so is one whose curvature is known in less than this part of its lines
@@ -156,6 +157,11 @@ def no_whiskers(settings, seen) -> str:
     scenes, bright = _scenes(seen), isinstance(seen.video, Negative)
     if scenes:
         ground = max(_ground(scene.background) for scene in scenes)
+        if not bright and max(scene.background.max() for scene in scenes) < BLACK:
+            return (
+                "no whiskers found; the picture is black throughout (no pixel is brighter than "
+                f"{BLACK} of 255): was the light on, and the lens open?"
+            )
         if bright and 255 - ground > LIGHT:
             return _other_polarity("light", "brighter", "dark")
         if not bright and ground < DARK:
