@@ -12,6 +12,7 @@ from pipeline.app.earlier_results import (
     digests_of,
     failure,
     finished_outcome,
+    made_otherwise,
     of_other_videos,
     without_lost,
 )
@@ -152,11 +153,13 @@ def run(
             ordered = [outcomes[name] for name in names.values() if name in outcomes]
             others, lost = without_lost(of_other_videos(out, set(names.values())), paths)
             seconds = time.monotonic() - started
-            digests = {task.digest for task in tasks} | digests_of(others, out)
+            digests = {task.digest for task in tasks}
+            old = made_otherwise(others, out, digests)
+            digests |= digests_of(others, out)
             own, replaced = ("", ()) if is_persons else write_session_file(out, settings, digests)
             summary = Summary(
                 out, (*ordered, *others), len(skipped), seconds, interrupted, lost,
-                problems=(*replaced, *guesses, *kept, *renewed),
+                problems=(*replaced, *guesses, *kept, *renewed, *old),
                 said=frozenset(new if progress else ()),
             )  # fmt: skip
             edited = write_tables(summary, jobs, own)

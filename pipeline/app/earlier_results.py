@@ -9,9 +9,11 @@ from pipeline import __version__
 from pipeline.app.outcome import Outcome
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import settings_of_results
-from pipeline.errors import CorrectionsError, in_words
+from pipeline.errors import CorrectionsError, InputError, in_words
 from pipeline.session.content import same_input, stamp
-from pipeline.session.session_file import SettingsError
+from pipeline.session.input_settings import session_of
+from pipeline.session.inputs import Input
+from pipeline.session.session_file import SettingsError, read_session, settings_digest
 from pipeline.tables import files
 from pipeline.tables.columns import (
     CENTRELINE_COLUMNS,
@@ -21,6 +23,7 @@ from pipeline.tables.columns import (
 )
 from pipeline.tables.result_exchange import is_settled
 from pipeline.tables.run_record import STATE_FILE, is_saved, read_state, recorded_path, write_state
+from pipeline.tables.video_messages import some_of
 
 PARQUETS = {
     "centrelines.parquet": CENTRELINE_COLUMNS,
@@ -121,6 +124,33 @@ def digests_of(outcomes, out) -> set[str]:
     """Hashes of the settings that results were made with."""
     found = (read_state(out / each.video).get("settings_sha256", "") for each in outcomes)
     return set(filter(None, found))
+
+
+def made_otherwise(outcomes, out, digests) -> list[str]:
+    """A sentence on results that settings no longer suit which a person has changed since.
+
+    outcomes : of videos in `out` that are not among a run's inputs; `digests` : of its settings
+    """
+    names = [
+        each.video for each in outcomes if each.frames and _is_out_of_date(each, out, digests)
+    ]
+    if not names:
+        return []
+    were, are, them = ("was", "is", "it") if len(names) == 1 else ("were", "are", "them")
+    return [
+        f"{some_of(names)} {were} made with other settings than session.toml has now, and {are} in "
+        f"contacts.csv beside the videos of this run: run {them} again, too"
+    ]
+
+
+def _is_out_of_date(outcome, out, digests) -> bool:
+    """Whether results are of other settings than this run's, and than their video's now."""
+    path, digest = Path(outcome.path), read_state(out / outcome.video).get("settings_sha256")
+    if digest in digests or not path.exists():
+        return False
+    with contextlib.suppress(InputError, SettingsError, OSError):
+        return digest != settings_digest(read_session(session_of(Input(path, Path(path.anchor)))))
+    return False
 
 
 def _is_video(folder) -> bool:

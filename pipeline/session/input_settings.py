@@ -32,10 +32,22 @@ def session_of(each: Input, config=None) -> Path:
             )
         check_settings_name(folder)
         raise InputError(
-            f"no session.toml in {folder}, beside the videos; give one with --config, or let "
-            f"`whiskerforce init {shlex.quote(str(each.path.parent))}` write one"
+            f"no session.toml in {folder}, beside the videos; {_advice(each.path.parent, folder)}"
         )
     return found
+
+
+def _advice(folder, whole_path) -> str:
+    """How to get settings for the videos in a folder that has none."""
+    above = next((p for p in whole_path.parents if (p / SETTINGS_NAME).is_file()), None)
+    if above is not None:
+        return (
+            f"that in {above} holds for them where that folder is run; to run only these, give it "
+            f"with --config {shlex.quote(str(above / SETTINGS_NAME))}"
+        )
+    return (
+        f"give one with --config, or let `whiskerforce init {shlex.quote(str(folder))}` write one"
+    )
 
 
 def check_settings_name(folder) -> None:

@@ -52,11 +52,7 @@ def _distance(x, y, line_x, line_y, n):
 
 @njit(cache=True)
 def hooked(x, y, n, bends):
-    """Whether a line turns sharply near its base: there it follows fur, not a whisker.
-
-    Without this test, twice as many lines at a mouse's face are no whiskers (0.67 instead of 0.33
-    per frame).
-    """
+    """Whether a line turns sharply near its base: there it follows fur, not a whisker."""
     return turning_range(x, y, min(n, bends.hook)) > bends.at_hook
 
 

@@ -959,6 +959,34 @@ def test_settings_of_one_session_are_not_taken_for_those_of_all(folder, calls, t
     assert read_session(out / "session.toml").analysis.curvature_at_mm == 5.6
 
 
+def test_results_of_settings_that_have_changed_since_are_said(folder, calls, out):
+    batch.run([folder / "a.avi"], out)
+    change_settings(folder)
+    (said,) = batch.run([folder / "b.avi"], out).problems
+    assert said.startswith("a was made with other settings than session.toml has now")
+    assert not batch.run([folder], out).problems
+
+
+@pytest.mark.parametrize("there", ["the settings beside the video", "no settings", "no video"])
+def test_results_of_other_settings_are_right_where_these_are_their_own(
+    folder, calls, out, tmp_path, there
+):
+    other = tmp_path / "other"
+    shutil.copytree(folder, other)
+    change_settings(other)
+    batch.run([other / "a.avi"], out)
+    if there != "the settings beside the video":
+        (other / {"no settings": "session.toml", "no video": "a.avi"}[there]).unlink()
+    assert not batch.run([folder / "b.avi"], out).problems
+
+
+def test_results_made_with_this_runs_settings_are_right(folder, calls, out, tmp_path):
+    config = shutil.copy(folder / "session.toml", tmp_path / "mine.toml")
+    change_settings(folder)
+    for name in ("a.avi", "b.avi"):
+        assert not batch.run([folder / name], out, config=config).problems
+
+
 def test_interruption_keeps_what_is_finished(folder, calls, out):
     (folder / "b.avi").write_bytes(b"stop")
     summary = batch.run([folder], out)
@@ -1358,6 +1386,18 @@ def test_settings_with_nearly_the_right_name_are_pointed_out(folder, calls, tmp_
         pytest.skip("capitals and small letters are the same on this disk")
     with pytest.raises(InputError, match=f"no session.toml in .*, but {name}: rename it to sess"):
         batch.run([folder], tmp_path / "results")
+
+
+def test_settings_above_the_folder_that_is_run_are_pointed_out(folder, calls, out):
+    day = folder / "day 1"
+    day.mkdir()
+    shutil.copy(folder / "a.avi", day)
+    with pytest.raises(
+        InputError, match=r"no session.toml in .*day 1, beside the video"
+    ) as caught:
+        batch.run([day], out)
+    assert f"that in {folder} holds for them where that folder is run" in str(caught.value)
+    assert f"--config {folder / 'session.toml'}" in str(caught.value)
 
 
 def test_unusable_arguments_stop_before_anything_is_processed(folder, calls, tmp_path, out):
