@@ -138,8 +138,8 @@ def made_otherwise(outcomes, out, digests) -> list[str]:
         return []
     were, are, them = ("was", "is", "it") if len(names) == 1 else ("were", "are", "them")
     return [
-        f"{some_of(names)} {were} made with other settings than session.toml has now, and {are} in "
-        f"contacts.csv beside the videos of this run: run {them} again, too"
+        f"{some_of(names)} {were} made with other settings than session.toml has now, and {are} "
+        f"in contacts.csv beside the videos of this run: run {them} again, too"
     ]
 
 
