@@ -157,11 +157,9 @@ def no_whiskers(settings, seen) -> str:
     scenes, bright = _scenes(seen), isinstance(seen.video, Negative)
     if scenes:
         ground = max(_ground(scene.background) for scene in scenes)
-        if not bright and max(scene.background.max() for scene in scenes) < BLACK:
-            return (
-                "no whiskers found; the picture is black throughout (no pixel is brighter than "
-                f"{BLACK} of 255): was the light on, and the lens open?"
-            )
+        blank = _blank(scenes, bright)
+        if blank:
+            return f"no whiskers found; {blank}"
         if bright and 255 - ground > LIGHT:
             return _other_polarity("light", "brighter", "dark")
         if not bright and ground < DARK:
@@ -172,6 +170,27 @@ def no_whiskers(settings, seen) -> str:
         f'[recording] face = "{settings.recording.face}" is the side that they come from'
         f"{_whether_left_in(settings.image)}"
     )
+
+
+def _blank(scenes, bright) -> str:
+    """What to check where the picture shows nothing at all, "" where it shows something."""
+    grey = [scene.background[scene.background > 0] for scene in scenes]
+    low, high = (
+        min(each.min(initial=255) for each in grey),
+        max(each.max(initial=0) for each in grey),
+    )
+    darkest, brightest = (255 - high, 255 - low) if bright else (low, high)
+    if brightest < BLACK:
+        return (
+            f"the picture is black throughout (no pixel is brighter than {BLACK} of 255): was the "
+            "light on, and the lens open?"
+        )
+    if darkest > 255 - BLACK:
+        return (
+            f"the picture is white throughout (no pixel is darker than {255 - BLACK} of 255): is "
+            "it overexposed?"
+        )
+    return ""
 
 
 def _whether_left_in(image) -> str:
