@@ -57,6 +57,22 @@ def test_without_a_pole_it_is_the_one_that_is_seen_best():
     assert {whisker_under(motion, frame, xy) for frame, xy in lines} == {"C1"}  # the longest
 
 
+@pytest.mark.slow
+@pytest.mark.e2e
+@pytest.mark.parametrize("touch_at", [8e-3, None])
+def test_with_a_table_for_each_it_is_the_same_with_and_without_a_pole(touch_at):
+    """As docs/naming.md says of trials without a pole."""
+    settings = whisker("C2", **C2)
+    settings["recording"]["snout"] = "top"
+    settings["whisker"] = [{"name": "C3"}, *settings["whisker"], {"name": "C1"}]
+    motion = row_motion(touch_at, seed=1, frames=FRAMES)
+    found = analyse(frames_of(motion), settings | {"analysis": {"follow": ["C2"]}})
+    lines = [(frame, xy) for each in found.lines for frame, _, xy in each.each()]
+    assert {whisker_under(motion, frame, xy) for frame, xy in lines} == {"C2"}
+    assert len(lines) > 0.95 * FRAMES
+    assert not [message for message in found.messages if "guess" in message]
+
+
 def line_at(gap_px, first=0.0):
     """A line that passes the pole so far from its surface, with a node at x = `first` [px]."""
     x = np.arange(first, first + 101.0)
