@@ -159,7 +159,7 @@ def no_whiskers(settings, seen) -> str:
         ground = max(_ground(scene.background) for scene in scenes)
         blank = _blank(scenes, bright)
         if blank:
-            return f"no whiskers found; {blank}"
+            return f"no whiskers found: {blank}"
         if bright and 255 - ground > LIGHT:
             return _other_polarity("light", "brighter", "dark")
         if not bright and ground < DARK:
@@ -182,12 +182,12 @@ def _blank(scenes, bright) -> str:
     darkest, brightest = (255 - high, 255 - low) if bright else (low, high)
     if brightest < BLACK:
         return (
-            f"the picture is black throughout (no pixel is brighter than {BLACK} of 255): was the "
+            f"the picture is black throughout (no pixel is brighter than {BLACK} of 255); was the "
             "light on, and the lens open?"
         )
     if darkest > 255 - BLACK:
         return (
-            f"the picture is white throughout (no pixel is darker than {255 - BLACK} of 255): is "
+            f"the picture is white throughout (no pixel is darker than {255 - BLACK} of 255); is "
             "it overexposed?"
         )
     return ""

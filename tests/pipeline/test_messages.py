@@ -152,11 +152,11 @@ def test_a_whisker_that_is_mostly_bent_by_the_pole_or_hardly_ever_is_no_fault(be
          "no whiskers found; what was seen is something dark at the left (20 % of the picture), "
          "with nothing thin moving out of it; if there are whiskers, check that [recording] face "
          '= "left" is the side that they come from, and that [image] region_px leaves their'),
-        ({"found": (), "light": 5}, "no whiskers found; the picture is black "
-         "throughout (no pixel is brighter than 20 of 255): was the light on"),
-        ({"found": (), "light": 250}, "no whiskers found; the picture is white throughout (no "
-         "pixel is darker than 235 of 255): is it overexposed"),
-        ({"found": (), "light": 250, "bright": True}, "no whiskers found; the picture is black"),
+        ({"found": (), "light": 5}, "no whiskers found: the picture is black "
+         "throughout (no pixel is brighter than 20 of 255); was the light on"),
+        ({"found": (), "light": 250}, "no whiskers found: the picture is white throughout (no "
+         "pixel is darker than 235 of 255); is it overexposed"),
+        ({"found": (), "light": 250, "bright": True}, "no whiskers found: the picture is black"),
         ({"found": (), "light": 40}, "no whiskers found; the picture is mostly dark, and whiskers "
                                      "were taken to be darker"),
         ({"found": (), "light": 55, "bright": True},
