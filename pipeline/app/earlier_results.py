@@ -127,9 +127,12 @@ def digests_of(outcomes, out) -> set[str]:
 
 
 def made_otherwise(outcomes, out, digests) -> list[str]:
-    """A sentence on results that settings no longer suit which a person has changed since.
+    """A sentence on results whose settings have been changed since they were made, if any.
 
-    outcomes : of videos in `out` that are not among a run's inputs; `digests` : of its settings
+    Parameters
+    ----------
+    outcomes : of videos in `out` that are not among a run's inputs
+    digests : of the run's settings
     """
     names = [
         each.video for each in outcomes if each.frames and _is_out_of_date(each, out, digests)

@@ -32,14 +32,15 @@ def session_of(each: Input, config=None) -> Path:
             )
         check_settings_name(folder)
         raise InputError(
-            f"no session.toml in {folder}, beside the videos; {_advice(each.path.parent, folder)}"
+            f"no session.toml in {folder}, beside the videos; {_advice(each.path.parent)}"
         )
     return found
 
 
-def _advice(folder, whole_path) -> str:
+def _advice(folder) -> str:
     """How to get settings for the videos in a folder that has none."""
-    above = next((p for p in whole_path.parents if (p / SETTINGS_NAME).is_file()), None)
+    parents = folder.absolute().parents
+    above = next((p for p in parents if (p / SETTINGS_NAME).is_file()), None)
     if above is not None:
         return (
             f"that in {above} holds for them where that folder is run; to run only these, give it "
