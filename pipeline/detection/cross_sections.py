@@ -18,7 +18,7 @@ def _row(number):
     return np.uint64(number * BLOCK)  # unsigned: numba need not look for negative places
 
 
-GG, G1, G11, GY, OY = map(_row, range(line_profile.GG, line_profile.OY + 1))
+GG, G1, G11, GY, OY, YY, PIXELS = map(_row, range(line_profile.GG, line_profile.PIXELS + 1))
 DD, DY, DG, D1, SS, SY, SG = map(_row, range(line_profile.DD, line_profile.SG + 1))
 # of the next pixel: grey, background, weight, distance/σ; from pixel to pixel: step of the latter
 PIXEL, LIGHT, TRUST, PLACE, STEP, INVERSE, CAP = (_row(N_SUMS + k) for k in range(7))
@@ -153,6 +153,8 @@ def _add_pixels(rows, gain, m):
         rows[G11 + node] += wvv
         rows[GY + node] += wvy * g
         rows[OY + node] += wvy
+        rows[YY + node] += rows[TRUST + node] * value * value
+        rows[PIXELS + node] += SINGLE(rows[TRUST + node] > 0)
         rows[DD + node] += wd * d
         rows[DY + node] += wvy * d
         rows[DG + node] += wd * g

@@ -24,6 +24,7 @@ class Scratch(NamedTuple):
     offset : along the normals [px]
     smooth_x, smooth_y : spline coefficients of the line
     cap : largest believable absorbance
+    misfit : χ² per degree of freedom, at least 1 (line_profile.py)
     rhs : of the spline's normal equations, `band` (nodes, 4)
     room : (2, nodes), to resample in
     spacing : between the splines' knots [px], the same at all nodes
@@ -42,6 +43,7 @@ class Scratch(NamedTuple):
     smooth_x: np.ndarray
     smooth_y: np.ndarray
     cap: np.ndarray
+    misfit: np.ndarray
     rhs: np.ndarray
     band: np.ndarray
     room: np.ndarray
@@ -54,10 +56,10 @@ class Scratch(NamedTuple):
 def scratch_of(room):
     """The `Scratch` in the room of a `Workspace`."""
     s, limit = room, room.shape[1]
-    band = s[12:16].reshape(limit, 4)
+    band = s[13:17].reshape(limit, 4)
     return Scratch(
-        s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8], s[9], s[10], s[11], band, s[16:18],
-        s[18], s[19:23], s[23:],
+        s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7], s[8], s[9], s[10], s[11], s[12], band,
+        s[17:19], s[19], s[20:24], s[24:],
     )  # fmt: skip
 
 
@@ -69,7 +71,7 @@ class Workspace:
 
     def __init__(self, limit: int, spacing: float):
         self.limit = limit
-        self.room = np.zeros((23 + line_profile.N_SUMS, limit))
+        self.room = np.zeros((24 + line_profile.N_SUMS, limit))
         scratch = scratch_of(self.room)
         scratch.spacing[:] = spacing
         scratch.at_nodes[:] = bsplines.basis_at_nodes(limit, spacing)

@@ -37,8 +37,8 @@ def end_thickness(picture, values, n):
     cross_sections.accumulate(
         p.image, p.background, p.weight, p.gain, x, y, end, cap, sigma, REACH, False, sums
     )
-    absorbed, baseline, error = np.zeros(m), np.zeros(m), np.full(m, 1e3)
-    line_profile.window_amplitudes(sums, end, 0, absorbed, baseline, error)
+    absorbed, baseline, misfit, error = np.zeros(m), np.zeros(m), np.ones(m), np.full(m, 1e3)
+    line_profile.window_amplitudes(sums, end, 0, absorbed, baseline, error, misfit)
     for k in range(len(out)):
         i = 2 * k - (INSIDE - inside)
         total, weight = 0.0, 0.0

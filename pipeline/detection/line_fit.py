@@ -284,11 +284,13 @@ def measure(picture, nodes, n, fit, scratch):
         picture.image, picture.background, picture.weight, picture.gain, nodes.x, nodes.y, n, cap,
         nodes.sigma, 3.0, fit.widths, sums,
     )  # fmt: skip
-    line_profile.window_amplitudes(sums, n, fit.half, amplitude, baseline, scratch.amplitude_se)
+    line_profile.window_amplitudes(
+        sums, n, fit.half, amplitude, baseline, scratch.amplitude_se, scratch.misfit
+    )
     for i in range(n):
         amplitude[i] = min(amplitude[i], cap[i])
     line_profile.offset_information(
-        sums, n, amplitude, baseline, scratch.information, scratch.score
+        sums, n, amplitude, baseline, scratch.misfit, scratch.information, scratch.score
     )
 
 

@@ -16,8 +16,9 @@ from numba import njit
 from pipeline.numerics.polyline import NARROWEST
 
 # Rows of the `sums` array, which has a column per node: Σ over its pixels (cross_sections.py).
-GG, G1, G11, GY, OY, DD, DY, DG, D1, SS, SY, SG = range(12)
-N_SUMS = 12
+GG, G1, G11, GY, OY, YY, PIXELS, DD, DY, DG, D1, SS, SY, SG = range(14)
+N_SUMS = 14
+WINDOWED = 7  # the first ones
 
 BELL_AREA = 2.5066  # √(2π): of exp(−u²/2)
 LANES = 8  # values that a vector instruction takes at a time
@@ -62,41 +63,36 @@ def bell(u):
 
 
 @njit(cache=True)
-def window_amplitudes(sums, n, half, amplitude, baseline, amplitude_se):
+def window_amplitudes(sums, n, half, amplitude, baseline, amplitude_se, misfit):
     """Solve absorbance and background error in a running window of ±`half` nodes.
 
     The background error is held near zero by a weak prior (SD 0.03), so that a window with
-    little in it does not trade one for the other.
+    little in it does not trade one for the other. `misfit`: χ² per degree of freedom, at least 1.
     """
-    windows = np.empty((5, n))
+    windows = np.empty((WINDOWED, n))
     _window_sums(sums, n, half, windows)
-    _solve_windows(windows, n, amplitude, baseline, amplitude_se)
+    _solve_windows(windows, n, amplitude, baseline, amplitude_se, misfit)
 
 
 @njit(cache=True, error_model="numpy")
-def _window_sums(sums, n, half, windows):
-    """Sums of GG, G1, G11, GY and OY over the nodes within ±`half` of each, into (5, n)."""
-    gg, g1, one, gy, oy = sums[GG], sums[G1], sums[G11], sums[GY], sums[OY]
-    out = windows[0], windows[1], windows[2], windows[3], windows[4]
-    total = (0.0, 0.0, 0.0, 0.0, 0.0)
+def _window_sums(sums, n, half, out):
+    """Sums of the first `WINDOWED` rows over the nodes within ±`half` of each, into `out`."""
+    total = np.zeros(WINDOWED)
     for i in range(-half, n):
-        t0, t1, t2, t3, t4 = total
-        if i + half < n:
-            k = np.uint64(i + half)
-            t0, t1, t2, t3, t4 = t0 + gg[k], t1 + g1[k], t2 + one[k], t3 + gy[k], t4 + oy[k]
-        if i > half:
-            k = np.uint64(i - half - 1)
-            t0, t1, t2, t3, t4 = t0 - gg[k], t1 - g1[k], t2 - one[k], t3 - gy[k], t4 - oy[k]
-        if i >= 0:
-            k = np.uint64(i)
-            out[0][k], out[1][k], out[2][k], out[3][k], out[4][k] = t0, t1, t2, t3, t4
-        total = t0, t1, t2, t3, t4
+        for row in range(WINDOWED):
+            if i + half < n:
+                total[row] += sums[row, np.uint64(i + half)]
+            if i > half:
+                total[row] -= sums[row, np.uint64(i - half - 1)]
+            if i >= 0:
+                out[row, np.uint64(i)] = total[row]
 
 
 @njit(cache=True, error_model="numpy")
-def _solve_windows(windows, n, amplitude, baseline, amplitude_se):
-    """Absorbance, background error and the former's standard error, from `windows` (5, n)."""
-    gg, g1, one, gy, oy = windows[0], windows[1], windows[2], windows[3], windows[4]
+def _solve_windows(windows, n, amplitude, baseline, amplitude_se, misfit):
+    """Absorbance, background error, the former's standard error, and misfit, from `windows`."""
+    gg, g1, one, gy, oy = windows[GG], windows[G1], windows[G11], windows[GY], windows[OY]
+    yy, pixels = windows[YY], windows[PIXELS]
     prior = 1.0 / 0.03**2
     for i in range(n):
         m = one[i] + prior
@@ -106,15 +102,22 @@ def _solve_windows(windows, n, amplitude, baseline, amplitude_se):
         amplitude[i] = (gy[i] * m - g1[i] * oy[i]) * scale
         baseline[i] = (oy[i] * gg[i] - gy[i] * g1[i]) * scale
         amplitude_se[i] = np.sqrt(m * scale) if known else 1e3
+        squares = yy[i] - amplitude[i] * gy[i] - baseline[i] * oy[i]
+        misfit[i] = max(squares / max(pixels[i] - 2.0, 1.0), 1.0)
 
 
 @njit(cache=True)
-def offset_information(sums, n, amplitude, baseline, information, score):
-    """Fisher information [1/px²] and score [1/px] of every node's offset δ."""
+def offset_information(sums, n, amplitude, baseline, misfit, information, score):
+    """Fisher information [1/px²] and score [1/px] of every node's offset δ.
+
+    Where the pixels are farther from the model than noise brings them, as in fur, beside another
+    hair or after a codec, both are as if the noise were as large as what is left (`misfit`).
+    """
     for i in range(n):
         a = max(amplitude[i], 0.0)
-        information[i] = a * a * sums[DD, i]
-        score[i] = a * (sums[DY, i] - a * sums[DG, i] - baseline[i] * sums[D1, i])
+        information[i] = a * a * sums[DD, i] / misfit[i]
+        error = sums[DY, i] - a * sums[DG, i] - baseline[i] * sums[D1, i]
+        score[i] = a * error / misfit[i]
 
 
 @njit(cache=True)

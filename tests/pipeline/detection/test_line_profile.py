@@ -33,15 +33,16 @@ def measured_offset(image, angle, sigma, cap=1.0):
         image, background, weight, 1.0, x, y, n, np.full(n, cap), np.full(n, sigma), 3.0,
         True, sums,
     )  # fmt: skip
-    a, b, se, info, score = (np.zeros(n) for _ in range(5))
-    line_profile.window_amplitudes(sums, n, 5, a, b, se)
-    line_profile.offset_information(sums, n, a, b, info, score)
+    a, b, se, misfit, info, score = (np.zeros(n) for _ in range(6))
+    line_profile.window_amplitudes(sums, n, 5, a, b, se, misfit)
+    line_profile.offset_information(sums, n, a, b, misfit, info, score)
     return score.sum() / info.sum(), a[n // 2], sums
 
 
 def naive_sums(image, background, weight, x, y, cap, sigma, reach):
-    """Σ w v² G², Σ w v² and Σ w v² D y of every node's row or column of pixels, once each."""
-    found, before = np.zeros((3, len(x))), None
+    """Sums over every node's row or column of pixels, once each: Σ w v² G², Σ w v², Σ w v² D y,
+    Σ w v² y², and how many pixels."""
+    found, before = np.zeros((5, len(x))), None
     for i, (tx, ty) in enumerate(zip(np.gradient(x), np.gradient(y), strict=True)):
         columns = abs(tx) >= abs(ty)
         fixed = int(np.floor((x if columns else y)[i] + 0.5))
@@ -57,7 +58,8 @@ def naive_sums(image, background, weight, x, y, cap, sigma, reach):
         g, v = np.exp(-(u**2) / 2), background[part][near]
         w = weight[part][near] * v
         shade = np.minimum(v - image[part][near], cap[i] * v)
-        found[:, i] = (w * v * g * g).sum(), (w * v).sum(), (w * u * g / sigma[i] * shade).sum()
+        found[:3, i] = (w * v * g * g).sum(), (w * v).sum(), (w * u * g / sigma[i] * shade).sum()
+        found[3:, i] = (w / v * shade**2).sum(), near.sum()
     return found
 
 
@@ -72,8 +74,36 @@ def test_sums_are_those_of_plain_loops(angle, n, seed):
     sums = np.zeros((line_profile.N_SUMS, n))
     cross_sections.accumulate(image, background, weight, 1.0, x, y, n, cap, sigma, 3.0, True, sums)
     expected = naive_sums(image, background, weight, x, y, cap, sigma, 3.0)
-    got = sums[[line_profile.GG, line_profile.G11, line_profile.DY]]
-    np.testing.assert_allclose(got, expected, rtol=1e-4, atol=1e-5 * expected.max())
+    rows = line_profile.GG, line_profile.G11, line_profile.DY, line_profile.YY, line_profile.PIXELS
+    for row, values in zip(rows, expected, strict=True):
+        atol = 1e-5 * max(values.max(), 1)
+        np.testing.assert_allclose(sums[row], values, rtol=1e-4, atol=atol)
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    angle=st.floats(-np.pi, np.pi),
+    times=st.sampled_from([1.0, 2.0, 6.0]),
+    amplitude=st.floats(0.0, 0.8),
+    seed=st.integers(0, 99),
+)
+def test_a_place_counts_as_its_pixels_err(angle, times, amplitude, seed):
+    """Noise of SD `times` that of the weights leaves a fraction 1/times² of the information."""
+    noise = np.random.default_rng(seed).normal(0, times, (61, 61))
+    image = (line_image(angle, 1.1, amplitude) + noise).astype(np.float32)
+    background = np.full(image.shape, 180, np.float32)
+    x, y = nodes(angle)
+    n = len(x)
+    sums = np.zeros((line_profile.N_SUMS, n))
+    own = image, background, np.ones_like(background), 1.0, x, y, n, np.ones(n), np.full(n, 1.1)
+    cross_sections.accumulate(*own, 3.0, False, sums)
+    a, b, se, misfit, info, as_given, score = (np.zeros(n) for _ in range(7))
+    line_profile.window_amplitudes(sums, n, 10, a, b, se, misfit)
+    line_profile.offset_information(sums, n, a, b, misfit, info, score)
+    line_profile.offset_information(sums, n, a, b, np.ones(n), as_given, score)
+    assert misfit.min() >= 1
+    assert np.median(misfit) == pytest.approx(times**2, rel=0.35)
+    np.testing.assert_allclose(info * misfit, as_given)
 
 
 @settings(max_examples=40, deadline=None)
@@ -96,8 +126,8 @@ def test_width_correction_has_the_right_sign_and_size():
     for assumed in (1.0, 1.1, 1.3):
         _, _, sums = measured_offset(image, 0.3, assumed)
         n = sums.shape[1]
-        a, b, se = np.zeros(n), np.zeros(n), np.zeros(n)
-        line_profile.window_amplitudes(sums, n, 5, a, b, se)
+        a, b, se, misfit = np.zeros((4, n))
+        line_profile.window_amplitudes(sums, n, 5, a, b, se, misfit)
         change, _ = line_profile.width_correction(sums, a, 3, n - 3)
         assert change == pytest.approx(np.log(1.2 / assumed), abs=0.05)
 
