@@ -24,7 +24,7 @@ class Scratch(NamedTuple):
     offset : along the normals [px]
     smooth_x, smooth_y : spline coefficients of the line
     cap : largest believable absorbance
-    misfit : χ² per degree of freedom, at least 1 (line_profile.py)
+    misfit : χ² per degree of freedom, 1 to `MOST_MISFIT` (line_profile.py)
     rhs : of the spline's normal equations, `band` (nodes, 4)
     room : (2, nodes), to resample in
     spacing : between the splines' knots [px], the same at all nodes

@@ -21,6 +21,7 @@ N_SUMS = 14
 WINDOWED = 7  # the first ones
 
 BELL_AREA = 2.5066  # √(2π): of exp(−u²/2)
+MOST_MISFIT = 5.0  # where dark whiskers cross, a line must not bend from one to the other
 LANES = 8  # values that a vector instruction takes at a time
 SINGLE = np.float32
 
@@ -67,7 +68,8 @@ def window_amplitudes(sums, n, half, amplitude, baseline, amplitude_se, misfit):
     """Solve absorbance and background error in a running window of ±`half` nodes.
 
     The background error is held near zero by a weak prior (SD 0.03), so that a window with
-    little in it does not trade one for the other. `misfit`: χ² per degree of freedom, at least 1.
+    little in it does not trade one for the other. `misfit`: χ² per degree of freedom, 1 to
+    `MOST_MISFIT`.
     """
     windows = np.empty((WINDOWED, n))
     _window_sums(sums, n, half, windows)
@@ -103,7 +105,7 @@ def _solve_windows(windows, n, amplitude, baseline, amplitude_se, misfit):
         baseline[i] = (oy[i] * gg[i] - gy[i] * g1[i]) * scale
         amplitude_se[i] = np.sqrt(m * scale) if known else 1e3
         squares = yy[i] - amplitude[i] * gy[i] - baseline[i] * oy[i]
-        misfit[i] = max(squares / max(pixels[i] - 2.0, 1.0), 1.0)
+        misfit[i] = min(max(squares / max(pixels[i] - 2.0, 1.0), 1.0), MOST_MISFIT)
 
 
 @njit(cache=True)
