@@ -297,4 +297,5 @@ def test_a_dark_hair_at_the_base_hardly_turns_a_faint_whisker(seed):
     for _ in range(6):
         refine(Frame(image, model, 1.0, options, workspace), line)
     dx, dy = line.points[15] - line.points[0]
-    assert abs(np.degrees(np.arctan2(dy, dx))) < 12  # 37 to 44 if bends cost nothing
+    angle = abs(np.degrees(np.arctan2(dy, dx)))
+    assert angle < 1  # 8 if the misfit is left out, 37 to 44 if bends cost nothing either
