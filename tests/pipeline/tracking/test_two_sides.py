@@ -148,27 +148,27 @@ FRAMES = 12
 
 
 @pytest.fixture(scope="module")
-def rat(tmp_path_factory):
-    """A rendered rat's video."""
-    folder = tmp_path_factory.mktemp("rat")
-    (path,) = render_session(folder, "rat_both_sides", 11, 1, frames=FRAMES)
-    return measuring.RenderedVideo.of(path, folder)
+def rats(tmp_path_factory):
+    """Rendered videos of two rats."""
+    folder = tmp_path_factory.mktemp("rats")
+    paths = render_session(folder, "rat_both_sides", 11, 2, frames=FRAMES)
+    return [measuring.RenderedVideo.of(path, folder) for path in paths]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("given", [("left", "right"), ("right",)])
-def test_whiskers_of_a_rendered_rat_get_names_of_their_own_side(rat, given):
-    settings, chunks = read_session(rat.path.parent / "session.toml"), []
-    settings = settings.model_copy(
-        update={"whisker": [w for w in settings.whisker if w.name.split("_")[0] in given]}
-    )
-    analyse(rat.path, settings, keep=chunks.append)
-    lines: Centrelines = measuring.join_chunks(chunks)
-    known = lines.confidence >= 0.5
-    near = np.array(line_scoring.score_lines(lines, rat.lines()).rows["nearest"])[known]
-    name = np.array(lines.names)[lines.whisker][known]
-    same = [
-        one.split("_")[0] == other.split("_")[0] for one, other in zip(name, near, strict=True)
-    ]
+def test_whiskers_of_rendered_rats_get_names_of_their_own_side(rats, given):
+    same, most = [], 12 * len(given) * FRAMES * len(rats)
+    for rat in rats:
+        settings, chunks = read_session(rat.path.parent / "session.toml"), []
+        settings = settings.model_copy(
+            update={"whisker": [w for w in settings.whisker if w.name.split("_")[0] in given]}
+        )
+        analyse(rat.path, settings, keep=chunks.append)
+        lines: Centrelines = measuring.join_chunks(chunks)
+        known = lines.confidence >= 0.5
+        near = np.array(line_scoring.score_lines(lines, rat.lines()).rows["nearest"])[known]
+        name = np.array(lines.names)[lines.whisker][known]
+        same += [a.split("_")[0] == b.split("_")[0] for a, b in zip(name, near, strict=True)]
     assert np.mean(same) > 0.97
-    assert known.sum() > 0.8 * 12 * len(given) * FRAMES
+    assert len(same) > 0.8 * most
