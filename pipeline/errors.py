@@ -68,6 +68,16 @@ def counted(number: int, thing: str) -> str:
     return f"{number} {thing}{'' if number == 1 else 's'}"
 
 
+def some_of(words, most: int = 5) -> str:
+    """Words with commas between them; of many, the first ones and how many more.
+
+    >>> some_of(["a", "b"]), some_of("abcdefg")
+    ('a, b', 'a, b, c, d, e and 2 more')
+    """
+    more = len(words) - most
+    return ", ".join(words[:most]) + (f" and {more} more" if more > 0 else "")
+
+
 def need_folder(path, expected: str) -> None:
     """InputError where `path` is no folder."""
     path = Path(path)

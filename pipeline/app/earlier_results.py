@@ -9,7 +9,7 @@ from pipeline import __version__
 from pipeline.app.outcome import Outcome
 from pipeline.contacts.corrections import read_corrections
 from pipeline.curate.corrected import settings_of_results
-from pipeline.errors import CorrectionsError, InputError, in_words
+from pipeline.errors import CorrectionsError, InputError, in_words, some_of
 from pipeline.session.content import same_input, stamp
 from pipeline.session.input_settings import session_of
 from pipeline.session.inputs import Input
@@ -23,7 +23,6 @@ from pipeline.tables.columns import (
 )
 from pipeline.tables.result_exchange import is_settled
 from pipeline.tables.run_record import STATE_FILE, is_saved, read_state, recorded_path, write_state
-from pipeline.tables.video_messages import some_of
 
 PARQUETS = {
     "centrelines.parquet": CENTRELINE_COLUMNS,

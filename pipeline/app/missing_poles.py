@@ -1,7 +1,7 @@
 """What is said of videos without a pole, all together: in no-go trials none is expected."""
 
-from pipeline.errors import counted
-from pipeline.tables.video_messages import missing_pole, some_of
+from pipeline.errors import counted, some_of
+from pipeline.tables.video_messages import missing_pole
 
 
 def missing_pole_lines(outcomes):

@@ -18,7 +18,7 @@ from pipeline.numerics.polyline import NARROWEST
 # Rows of the `sums` array, which has a column per node: Σ over its pixels (cross_sections.py).
 GG, G1, G11, GY, OY, YY, PIXELS, DD, DY, DG, D1, SS, SY, SG = range(14)
 N_SUMS = 14
-WINDOWED = 7  # the first ones
+WINDOWED = PIXELS + 1  # the first ones
 
 BELL_AREA = 2.5066  # √(2π): of exp(−u²/2)
 MOST_MISFIT = 5.0  # where dark whiskers cross, a line must not bend from one to the other

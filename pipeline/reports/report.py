@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.contacts.corrections import decisions_in_words
-from pipeline.errors import counted
+from pipeline.errors import counted, some_of
 from pipeline.reports import plot_style
 from pipeline.reports.error_budget import session_budget
 from pipeline.reports.examples import Effort, choose_examples, choose_flagged
@@ -32,7 +32,7 @@ from pipeline.tables.known_names import nameless_in
 from pipeline.tables.own_files import replace_own
 from pipeline.tables.result_exchange import overlays_in
 from pipeline.tables.run_record import read_run
-from pipeline.tables.video_messages import missing_pole, sentences_of, some_of
+from pipeline.tables.video_messages import missing_pole, sentences_of
 
 PICTURES = 6  # examples of contacts
 STILLS = 12  # of flagged contacts, over all flags

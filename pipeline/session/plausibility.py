@@ -3,6 +3,7 @@
 Typical mistakes are a length in a wrong unit, and the rate at which a file is played back.
 """
 
+from pipeline.errors import some_of
 from pipeline.session.schema import Settings
 
 # base radius over length: 37.3 µm over 18.3 mm of the mouse's C2 (Hires, Efros & Svoboda, J.
@@ -56,9 +57,7 @@ def _is_odd(whisker) -> bool:
 
 def _listed(whiskers, key) -> str:
     """Values of a key, with the whiskers' names."""
-    more = len(whiskers) - MOST_NAMED
-    given = ", ".join(f"{getattr(w, key):g} ({w.name})" for w in whiskers[:MOST_NAMED])
-    return given + (f" and {more} more" if more > 0 else "")
+    return some_of([f"{getattr(w, key):g} ({w.name})" for w in whiskers], MOST_NAMED)
 
 
 def _of_radius(odd) -> str:

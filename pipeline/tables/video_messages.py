@@ -2,7 +2,6 @@
 
 BETWEEN = " | "
 NO_POLE = "no pole of "  # begins the sentence on a video in which none was found
-NAMED = 5  # videos of many
 
 
 def as_cell(sentences) -> str:
@@ -39,13 +38,3 @@ def in_brief(sentence: str) -> str:
     'no pole of 0.5 mm (12 px) found, so no contacts'
     """
     return sentence.partition("; ")[0] if sentence.startswith(NO_POLE) else sentence
-
-
-def some_of(names) -> str:
-    """Names of videos with commas between them; of many, the first ones and how many more.
-
-    >>> some_of(["a", "b"]), some_of("abcdefg")
-    ('a, b', 'a, b, c, d, e and 2 more')
-    """
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return ", ".join(names[:NAMED]) + more
