@@ -10,9 +10,10 @@ from pipeline.numerics.runs import differences
 KNOWN = 0.5  # confidence from which on a name counts
 SLOPE_PX = 40  # of the centreline whose slope stands beside the base angle
 STEP_DEG = 10.0
+TURNS_ALONG = 0.5  # of a step: where the visible part turns less, the step is the base's alone
 HEADER = [
     "video", "px/mm", "known", "base", "base, slow", "base, of one frame", "visible",
-    "first 40 px", "steps / 1000", "smooth", "resting",
+    "first 40 px", "steps / 1000", "smooth", "alone", "resting",
 ]  # fmt: skip
 
 
@@ -35,14 +36,17 @@ def angle_figures(frames: pd.DataFrame) -> dict:
     none = _of_whisker(known[:0])
     whiskers = [_of_whisker(part.sort_values("frame")) for _, part in known.groupby("whisker")]
     pooled = {key: np.concatenate([w[key] for w in (none, *whiskers)]) for key in none}
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"):
         stepped = np.abs(pooled["step"]) > STEP_DEG
         smooth = stepped & (np.abs(pooled["slope_step"]) < STEP_DEG)
+        along = pooled["seen_step"] / pooled["step"]
+        alone = stepped & ~(along >= TURNS_ALONG)
     slow = pooled["speed"] <= np.median(pooled["speed"]) if len(pooled["speed"]) else []
     within = np.abs(pooled["step"]) < 1.96 * pooled["step_se"]
     out = {key: _median(pooled[key]) for key in ("base", "visible", "slope", "slow")}
     out |= {"frames": len(known), "one_frame": MAD_TO_SD / np.sqrt(70) * _median(pooled["fourth"])}
-    out |= {"steps": 1e3 * _mean(stepped), "smooth": 1e3 * _mean(smooth)}
+    counted = {"steps": stepped, "smooth": smooth, "alone": alone}
+    out |= {key: 1e3 * _mean(each) for key, each in counted.items()}
     return out | {"resting": _mean(within[slow])}
 
 
@@ -64,6 +68,7 @@ def _of_whisker(part) -> dict:
         "slope": np.abs(differences(slope, frame, 2)),
         "slow": second[quiet <= np.median(quiet)] if len(quiet) == len(second) > 0 else second[:0],
         "step": step[valid],
+        "seen_step": seen[valid],
         "slope_step": np.diff(slope)[following][valid],
         "speed": np.abs(seen)[valid],
         "step_se": np.hypot(error[1:], error[:-1])[following][valid],
@@ -101,6 +106,6 @@ def angle_row(name, scale, frames, lines) -> list[str]:
     return [
         name, scale, str(figures["frames"]),
         *(pages.cell("{:.2f}°", figures[key]) for key in sizes),
-        *(pages.cell("{:.1f}", figures[key]) for key in ("steps", "smooth")),
+        *(pages.cell("{:.1f}", figures[key]) for key in ("steps", "smooth", "alone")),
         pages.cell("{:.1%}", figures["resting"]),
     ]  # fmt: skip

@@ -59,6 +59,16 @@ def test_steps_are_counted_and_those_of_the_centreline_apart():
     assert figures["smooth"] == pytest.approx(1e3 / (FRAMES - 1))
 
 
+def test_steps_with_which_the_visible_part_turns_are_no_errors_of_the_base():
+    frames = frames_table(np.random.default_rng(4), 0.1, 0.1).assign(slope_deg=0.0)
+    for first, visible in (1000, 0.0), (2000, 12.0), (3000, -30.0):
+        frames.loc[first:, "base_angle_deg"] += 20.0
+        frames.loc[first:, "visible_angle_deg"] += visible
+    unseen = frames.assign(visible_angle_deg=np.nan)
+    assert real_angles.angle_figures(frames)["alone"] == pytest.approx(2e3 / (FRAMES - 1))
+    assert real_angles.angle_figures(unseen)["alone"] == pytest.approx(3e3 / (FRAMES - 1))
+
+
 def test_unknown_names_do_not_count():
     rng = np.random.default_rng(2)
     unknown = frames_table(rng, 20.0, 0.1, "C2").assign(confidence=0.3)

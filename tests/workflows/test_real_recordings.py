@@ -123,7 +123,7 @@ def test_a_video_without_lines_gets_a_sentence():
         return [video, "top", "12", "forwards", "0.0", known, *7 * "–"]
 
     lines = [row("a", "50%"), row("a", "–"), row("b", "–"), row("b", "–")]
-    angles = [["a", "12", *9 * "1"], ["b", "12", *9 * "–"]]
+    angles = [["a", "12", *10 * "1"], ["b", "12", *10 * "–"]]
     text = real_recordings.tables_text(lines, angles)
     assert [text.count(f"| {video} ") for video in "ab"] == [3, 0]
     assert text.endswith("No line was found in any of the 2 runs of b.")
