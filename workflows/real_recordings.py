@@ -38,7 +38,8 @@ A second table is of base angles, forwards:
   left.
 - *steps*: of more than 10° from one frame to the next, per 1000; *smooth*: those where the
   centreline itself does not jump (its first 40 px turn by less than 10°); *alone*: those with
-  which the visible part does not turn at least half as far. The others are the whisker's own.
+  which the visible part does not turn at least half as far. In the others it moves along: the
+  whisker's own motion, or a name that has gone over to another line.
 - *resting*: part of the neighbouring frames, in the slow half, whose difference lies within 1.96
   standard errors of the difference; 0.95 at least is wanted.
 """

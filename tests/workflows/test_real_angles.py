@@ -59,7 +59,7 @@ def test_steps_are_counted_and_those_of_the_centreline_apart():
     assert figures["smooth"] == pytest.approx(1e3 / (FRAMES - 1))
 
 
-def test_steps_with_which_the_visible_part_turns_are_no_errors_of_the_base():
+def test_steps_of_the_base_alone_are_those_with_which_the_visible_part_does_not_turn():
     frames = frames_table(np.random.default_rng(4), 0.1, 0.1).assign(slope_deg=0.0)
     for first, visible in (1000, 0.0), (2000, 12.0), (3000, -30.0):
         frames.loc[first:, "base_angle_deg"] += 20.0
