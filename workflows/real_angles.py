@@ -36,13 +36,14 @@ def angle_figures(frames: pd.DataFrame) -> dict:
     none = _of_whisker(known[:0])
     whiskers = [_of_whisker(part.sort_values("frame")) for _, part in known.groupby("whisker")]
     pooled = {key: np.concatenate([w[key] for w in (none, *whiskers)]) for key in none}
-    with np.errstate(invalid="ignore", divide="ignore"):
-        stepped = np.abs(pooled["step"]) > STEP_DEG
+    step, seen = pooled["step"], pooled["seen_step"]
+    speed = np.abs(seen)
+    with np.errstate(invalid="ignore"):
+        stepped = np.abs(step) > STEP_DEG
         smooth = stepped & (np.abs(pooled["slope_step"]) < STEP_DEG)
-        along = pooled["seen_step"] / pooled["step"]
-        alone = stepped & ~(along >= TURNS_ALONG)
-    slow = pooled["speed"] <= np.median(pooled["speed"]) if len(pooled["speed"]) else []
-    within = np.abs(pooled["step"]) < 1.96 * pooled["step_se"]
+        alone = stepped & ~(seen * np.sign(step) >= TURNS_ALONG * np.abs(step))
+    slow = speed <= np.median(speed) if len(speed) else []
+    within = np.abs(step) < 1.96 * pooled["step_se"]
     out = {key: _median(pooled[key]) for key in ("base", "visible", "slope", "slow")}
     out |= {"frames": len(known), "one_frame": MAD_TO_SD / np.sqrt(70) * _median(pooled["fourth"])}
     counted = {"steps": stepped, "smooth": smooth, "alone": alone}
@@ -70,7 +71,6 @@ def _of_whisker(part) -> dict:
         "step": step[valid],
         "seen_step": seen[valid],
         "slope_step": np.diff(slope)[following][valid],
-        "speed": np.abs(seen)[valid],
         "step_se": np.hypot(error[1:], error[:-1])[following][valid],
     }
 
